@@ -1,0 +1,164 @@
+"""Augmentations: pure functions on what a camera sees and on the steering that goes with it.
+
+The geometric ones change a `View`: a homography that says where each pixel of the recorded frame
+goes, and the label. They are joined by multiplication, so the frame is warped just once, from the
+whole recorded picture (no border of a crop is ever seen), and only the rows that the network looks
+at are computed. The photometric ones change pixels in place and leave the label alone.
+"""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from pilot import camera
+from pilot.camera import COLUMNS, ROWS, Matrix
+from pilot.frames import Frame
+
+# Seed 004's crops in the mean: its networks look at these rows (40 % cut off above, 12.5 % below).
+CROP_TOP, CROP_BOTTOM = 64, 140
+
+
+@dataclass(frozen=True)
+class AugmentConfig:
+    """Which augmentations training uses: for each its probability (0: never) and range."""
+
+    flip: float = 0.5
+    """Probability of mirroring left and right; the steering changes its sign."""
+    rotation: float = 0.0
+    """Probability of rotating the picture about its middle; the angle in radians is added to the steering."""
+    rotation_degrees: float = 5.0
+    """Rotation angles are drawn from -degrees..degrees."""
+    brightness: float = 0.5
+    """Probability of a change of brightness."""
+    brightness_range: tuple[float, float] = (0.25, 1.2)
+    """Factor on the brightness (HSV value)."""
+    shadow: float = 0.5
+    """Probability of a shadow on one side of a random line."""
+    shadow_range: tuple[float, float] = (0.25, 0.7)
+    """Factor on the brightness in the shadow."""
+    crop: float = 0.0
+    """Probability of a random height crop, stretched back to the usual rows."""
+    crop_top: tuple[float, float] = (0.325, 0.475)
+    """Share of the frame's height cut off above."""
+    crop_bottom: tuple[float, float] = (0.075, 0.175)
+    """Share of the frame's height cut off below."""
+    viewpoint: float = 0.5
+    """Probability of showing the road from beside the driver's path, with steering that leads back to it."""
+    viewpoint_metres: float = 0.5
+    """The viewpoint is shifted by up to this, to either side."""
+    viewpoint_degrees: float = 3.0
+    """The viewpoint is turned by up to this, to either side."""
+    viewpoint_lookahead: float = 7.2
+    """Metres ahead at which the label's steering has brought the car back; 7.2 m makes the side cameras' 0.2."""
+
+
+@dataclass(frozen=True)
+class View:
+    """How a frame is seen: `homography` (3x3) from the recorded frame's pixels, `steering` to learn (-1..1)."""
+
+    steering: float
+    homography: Matrix | None = None  # None: as recorded
+
+    def moved(self, homography: Matrix, steering: float) -> "View":
+        """This view after one more homography, with a new label."""
+        return View(steering, homography if self.homography is None else homography @ self.homography)
+
+
+# Geometry: what is seen, and the label
+
+
+def flip(view: View) -> View:
+    """Mirror left and right: the steering changes its sign."""
+    mirror = np.array([[-1.0, 0, COLUMNS - 1], [0, 1, 0], [0, 0, 1]])
+    return view.moved(mirror, -view.steering)
+
+
+def rotate(view: View, degrees: float) -> View:
+    """Rotate counter-clockwise about the middle and add the angle in radians to the steering (seed 000).
+
+    The label may go beyond -1..1; it is left there, as in the seed.
+    """
+    matrix = cv2.getRotationMatrix2D((COLUMNS / 2, ROWS / 2), degrees, 1.0)
+    return view.moved(np.vstack([matrix, [0, 0, 1]]), view.steering + math.radians(degrees))
+
+
+def crop_height(view: View, top: float, bottom: float) -> View:
+    """Cut shares of the height off above and below and stretch the rest over the usual rows (seed 004)."""
+    first, last = top * ROWS, (1 - bottom) * ROWS
+    scale = (CROP_BOTTOM - CROP_TOP) / (last - first)
+    return view.moved(np.array([[1, 0, 0], [0, scale, CROP_TOP - first * scale], [0, 0, 1]]), view.steering)
+
+
+def shift_viewpoint(view: View, offset: float, heading: float, lookahead: float) -> View:
+    """See the road from a car that stands beside the driver's path, and steer back to it.
+
+    After NVIDIA's shift and rotation (arXiv 1604.07316, section 5): there the label leads back
+    within two seconds, here to the point of the driver's arc `lookahead` metres ahead.
+
+    Args:
+        offset: metres to the right of the path.
+        heading: radians to the right of the path's direction.
+        lookahead: metres.
+    """
+    curvature = camera.steering_to_curvature(view.steering)
+    back = curvature - 2 * (offset + lookahead * heading) / lookahead**2
+    return view.moved(camera.viewpoint_homography(offset, heading), camera.curvature_to_steering(back))
+
+
+def render(frame: Frame, view: View, rows: tuple[int, int]) -> Frame:
+    """The rows `rows[0]..rows[1]-1` of a 160x320x3 frame as the view shows it: a copy, same width."""
+    top, bottom = rows
+    if view.homography is None:
+        return frame[top:bottom].copy()
+    lift = np.array([[1.0, 0, 0], [0, 1, -top], [0, 0, 1]])
+    size = (COLUMNS, bottom - top)
+    matrix = lift @ view.homography
+    if np.array_equal(matrix[2], [0, 0, 1]):  # the same pixels, a little faster
+        return np.asarray(cv2.warpAffine(frame, matrix[:2], size), np.uint8)
+    return np.asarray(cv2.warpPerspective(frame, matrix, size), np.uint8)
+
+
+# Light: pixels only
+
+
+def brightness(pixels: Frame, factor: float) -> Frame:
+    """Scale the HSV value by a factor (seed 004): the same as scaling red, green and blue."""
+    return np.asarray(cv2.convertScaleAbs(pixels, alpha=factor), np.uint8)
+
+
+def shadow(pixels: Frame, top: float, bottom: float, right: bool, factor: float) -> Frame:
+    """Darken one side of a line that enters at column `top` and leaves at column `bottom` (seed 004)."""
+    height, width = pixels.shape[:2]
+    edge = width if right else 0
+    outline = np.array([[top, 0], [bottom, height], [edge, height], [edge, 0]], np.int32)
+    mask = np.zeros((height, width), np.uint8)
+    cv2.fillPoly(mask, [outline], 255)
+    return np.asarray(cv2.copyTo(brightness(pixels, factor), mask, pixels.copy()), np.uint8)
+
+
+# Drawing at random
+
+
+def random_view(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
+    """Draw the geometric augmentations; each with its probability."""
+    if rng.random() < config.viewpoint:
+        offset = rng.uniform(-config.viewpoint_metres, config.viewpoint_metres)
+        heading = math.radians(rng.uniform(-config.viewpoint_degrees, config.viewpoint_degrees))
+        view = shift_viewpoint(view, offset, heading, config.viewpoint_lookahead)
+    if rng.random() < config.rotation:
+        view = rotate(view, rng.uniform(-config.rotation_degrees, config.rotation_degrees))
+    if rng.random() < config.crop:
+        view = crop_height(view, rng.uniform(*config.crop_top), rng.uniform(*config.crop_bottom))
+    return flip(view) if rng.random() < config.flip else view
+
+
+def random_light(pixels: Frame, config: AugmentConfig, rng: np.random.Generator) -> Frame:
+    """Draw the photometric augmentations; each with its probability."""
+    if rng.random() < config.brightness:
+        pixels = brightness(pixels, rng.uniform(*config.brightness_range))
+    if rng.random() < config.shadow:
+        top, bottom = rng.uniform(0, pixels.shape[1], 2)
+        pixels = shadow(pixels, top, bottom, bool(rng.integers(2)), rng.uniform(*config.shadow_range))
+    return pixels

@@ -1,0 +1,91 @@
+"""The simulator's camera and car as geometry: what the road looks like from another pose.
+
+Car axes: x right, z forward, metres; headings in radians, positive to the right. The road is taken
+as flat, so a picture of it from one pose maps onto that from another by a homography.
+Figures: measured on the simulator's client and fitted on real recordings (docs: README, "The car").
+"""
+
+import functools
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Matrix = NDArray[np.float64]
+
+ROWS, COLUMNS = 160, 320  # size of a frame
+FOCAL_LENGTH = 138.6  # pixels: 60 degrees of vertical field of view
+HEIGHT = 1.3  # metres above the road
+PITCH, ROLL, YAW = math.radians(8.5), math.radians(-1.2), math.radians(1.2)  # pitch: downwards
+AHEAD_OF_REAR_AXLE = 2.6  # metres, camera from rear axle
+SIDE_CAMERA_OFFSET = 0.82  # metres, left and right camera from the middle one
+
+WHEELBASE = 2.87  # metres
+FULL_LOCK = math.radians(25.0)  # steering of 1
+
+
+def steering_to_curvature(steering: float) -> float:
+    """Curvature of the car's path (1/m, positive to the right) for a steering of -1..1."""
+    return math.tan(steering * FULL_LOCK) / WHEELBASE
+
+
+def curvature_to_steering(curvature: float) -> float:
+    """Steering (-1..1, beyond where the car cannot turn so tightly) for a path's curvature in 1/m."""
+    return math.atan(curvature * WHEELBASE) / FULL_LOCK
+
+
+@functools.cache
+def ground_to_pixel() -> Matrix:
+    """Homography (3x3) from road coordinates (x right, z forward of the camera, 1) to pixels (u, v, 1)."""
+    intrinsics = np.array([[FOCAL_LENGTH, 0, COLUMNS / 2], [0, FOCAL_LENGTH, ROWS / 2], [0, 0, 1]])
+    road_in_camera = np.array([[1, 0, 0], [0, 0, HEIGHT], [0, 1, 0]])  # camera axes: y points down
+    return np.asarray(intrinsics @ _camera_rotation() @ road_in_camera)
+
+
+def viewpoint_homography(offset: float, heading: float) -> Matrix:
+    """Homography (3x3) from a frame's pixels to those seen by a displaced car; valid below the horizon.
+
+    Args:
+        offset: metres by which the car (its rear axle) stands to the right of where it was.
+        heading: radians by which it points to the right of where it pointed.
+    """
+    sine, cosine = math.sin(heading), math.cos(heading)
+    to_axle = np.array([[1, 0, 0], [0, 1, AHEAD_OF_REAR_AXLE], [0, 0, 1]])
+    move = np.array([[cosine, -sine, -cosine * offset], [sine, cosine, -sine * offset], [0, 0, 1]])
+    ground = ground_to_pixel()
+    return np.asarray(ground @ np.linalg.inv(to_axle) @ move @ to_axle @ np.linalg.inv(ground))
+
+
+def path_pixels(steering: float, length: float = 25.0, lateral: float = 0.0) -> Matrix:
+    """Where the car's path for a steering (-1..1) lies in its own frame: n x 2 pixels (column, row).
+
+    Args:
+        steering: held for the whole path, which is then an arc.
+        length: metres, from the rear axle.
+        lateral: metres to the right of the middle of the car, for the path of a wheel.
+    """
+    curvature = steering_to_curvature(steering)
+    distance = np.linspace(AHEAD_OF_REAR_AXLE + 2.0, length, 40)
+    angle = distance * curvature
+    turn = np.sinc(angle / np.pi) * distance  # sin(angle) / curvature, also for a curvature of 0
+    aside = np.sinc(angle / 2 / np.pi) * np.sin(angle / 2) * distance  # (1 - cos(angle)) / curvature
+    ground = np.stack([aside + lateral * np.cos(angle), turn - lateral * np.sin(angle) - AHEAD_OF_REAR_AXLE])
+    pixels = ground_to_pixel() @ np.vstack([ground, np.ones_like(distance)])
+    ahead = pixels[2] > 0.5
+    return np.asarray((pixels[:2, ahead] / pixels[2, ahead]).T)
+
+
+def _camera_rotation() -> Matrix:
+    """Rotation (3x3) from level axes (x right, y down, z forward) to the tilted camera's."""
+    pitch = _rotation(0, PITCH)
+    yaw = _rotation(1, -YAW)
+    roll = _rotation(2, -ROLL)
+    return roll @ pitch @ yaw
+
+
+def _rotation(axis: int, angle: float) -> Matrix:
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[first, first] = matrix[second, second] = math.cos(angle)
+    matrix[first, second], matrix[second, first] = -math.sin(angle), math.sin(angle)
+    return matrix

@@ -1,0 +1,48 @@
+"""One training on several processes (torchrun): who am I, and sums over all of us."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch import distributed as group
+
+
+@dataclass(frozen=True)
+class Processes:
+    """This process's number and how many there are; one process alone is rank 0 of 1."""
+
+    rank: int = 0
+    world: int = 1
+    local_rank: int = 0
+
+    @property
+    def leads(self) -> bool:
+        """Whether this is the process that prints and writes."""
+        return self.rank == 0
+
+    def sum(self, values: Tensor) -> Tensor:
+        """The sum of a tensor over all processes, in place."""
+        if self.world > 1:
+            group.all_reduce(values)
+        return values
+
+    def wait(self) -> None:
+        """Until all processes are here."""
+        if self.world > 1:
+            group.barrier()
+
+
+@contextmanager
+def join_processes() -> Iterator[Processes]:
+    """Join the processes that torchrun started; alone if it did not start this one."""
+    if "RANK" not in os.environ:
+        yield Processes()
+        return
+    group.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
+    try:
+        yield Processes(group.get_rank(), group.get_world_size(), int(os.environ.get("LOCAL_RANK", "0")))
+    finally:
+        group.destroy_process_group()

@@ -1,0 +1,67 @@
+"""Camera frames from files: decoding, checking, and the pictures a batch needs."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pilot.camera import COLUMNS, ROWS
+
+Frame = NDArray[np.uint8]
+
+# The batches are prepared by threads of our own; OpenCV's would fight them and torch's for the cores.
+cv2.setNumThreads(1)
+
+JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
+
+
+class UnreadableImage(ValueError):
+    """A picture that cannot be used; `reason` is short enough to count by."""
+
+    def __init__(self, path: Path | str, reason: str) -> None:
+        super().__init__(f"{path}: {reason}")
+        self.reason = reason
+
+
+def read_frame(path: Path | str) -> Frame:
+    """Read a picture file as a 160x320x3 uint8 RGB frame; other sizes are scaled to it.
+
+    Raises:
+        UnreadableImage: the file is missing, empty, cut off or no picture.
+    """
+    try:
+        data = np.fromfile(path, np.uint8)  # not cv2.imread: it fails on non-ASCII paths on Windows
+    except OSError as error:
+        raise UnreadableImage(path, "image missing") from error
+    if data.size == 0:
+        raise UnreadableImage(path, "image empty")
+    frame = decode_frame(data)
+    if frame is None:
+        raise UnreadableImage(path, "image corrupt")
+    return frame
+
+
+def decode_frame(data: NDArray[np.uint8]) -> Frame | None:
+    """Decode an encoded picture (1-D uint8) to a 160x320x3 uint8 RGB frame; None if it is damaged."""
+    start, end = data[:2].tobytes(), data[-64:].tobytes()
+    if start == JPEG_START and JPEG_END not in end:  # OpenCV would fill the missing part with grey
+        return None
+    try:
+        image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
+    except cv2.error:
+        return None
+    if image is None:
+        return None
+    if image.shape[:2] != (ROWS, COLUMNS):
+        image = cv2.resize(image, (COLUMNS, ROWS), interpolation=cv2.INTER_AREA)
+    return np.asarray(image, np.uint8)
+
+
+def image_fault(path: Path | str) -> str | None:
+    """Why a picture file cannot be used ("image missing", "image empty", "image corrupt"), or None."""
+    try:
+        read_frame(path)
+    except UnreadableImage as error:
+        return error.reason
+    return None

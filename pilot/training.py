@@ -1,0 +1,254 @@
+"""Train a network on samples: epochs with early stopping, interruptible and resumable.
+
+A `Training` holds all that changes while it runs; `state()` is written to disk regularly, and a
+training that goes on from there ends with exactly the weights of one that was never interrupted.
+"""
+
+import contextlib
+import copy
+import ctypes
+import hashlib
+import math
+import sys
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+from torch.nn.parallel import DistributedDataParallel
+
+from pilot.batches import Batch, BatchLoader
+from pilot.checkpoint import UnusableModel, plain
+from pilot.distributed import Processes
+from pilot.files import write_atomically
+from pilot.interrupt import Interrupt, catch_interrupt
+from pilot.metrics import Agreement, agreement
+from pilot.networks import SteeringNetwork, build_network
+from pilot.recipes import TrainingConfig
+
+SAVE_SECONDS = 120  # a power cut costs at most this much work
+Progress = Callable[[Iterable[Batch], int, str], Iterable[Batch]]
+
+
+class Training:
+    """One training: network, optimiser, position, best epoch and history.
+
+    Attributes:
+        network: the network being trained.
+        epoch, step: how many epochs, and batches of the running one, are done.
+        history: one dictionary an epoch: errors, learning rate, images/s.
+        best: the lowest validation error so far with its epoch and weights.
+    """
+
+    def __init__(self, config: TrainingConfig, training: pd.DataFrame, validation: pd.DataFrame,
+                 processes: Processes | None = None) -> None:
+        """Set up the network of `config` for these samples."""
+        self.config = config
+        self.processes = processes or Processes()
+        self.device = choose_device(config.device, self.processes.local_rank)
+        self.network = build_network(config.network, config.seed).to(self.device)
+        self.optimiser = torch.optim.Adam(
+            # Adam adds weight_decay * w to the gradient; that of l2 * sum of w**2 is 2 * l2 * w
+            self.network.parameters(), lr=config.learning_rate, weight_decay=2 * config.l2,
+            fused=self.device.type in ("cpu", "cuda"),
+        )
+        self.training, self.validation = training, validation
+        self.training_mean = float(np.average(training["steering"], weights=training["weight"]))
+        self.loader = self._loader(training, augment=True)
+        self.epoch = self.step = 0
+        self.error_sum = torch.zeros((), device=self.device)
+        self.history: list[dict[str, float]] = []
+        self.best: dict[str, Any] = {"error": math.inf, "epoch": 0, "weights": {}}
+        self._model = self._parallel()
+        self._saved = time.monotonic()
+
+    # Running
+
+    def run(
+        self, on_epoch: Callable[[dict[str, float]], None], progress: Progress, state_file: Path | None = None
+    ) -> None:
+        """Train until early stopping or the last epoch.
+
+        Args:
+            on_epoch: called with each epoch's figures.
+            progress: wraps the batches of an epoch (called with them, the number of pictures and a title).
+            state_file: where to keep what `restore` needs; also written on Ctrl-C.
+
+        Raises:
+            KeyboardInterrupt: on Ctrl-C, after the running step.
+        """
+        _keep_memory()
+        with catch_interrupt() as interrupt:
+            while not self.finished:
+                self._train_epoch(self._batches(progress), state_file, interrupt)
+                on_epoch(self.history[-1])
+                self._save(state_file)
+
+    @property
+    def finished(self) -> bool:
+        """Whether early stopping or the number of epochs ends the training."""
+        return self.epoch >= self.config.epochs or self.epoch - self.best["epoch"] >= self.config.patience
+
+    def _batches(self, progress: Progress) -> Iterable[Batch]:
+        batches = self.loader.epoch(self.epoch, self.step)
+        left = max(len(self.training) - self.step * self.config.batch_size, 0)
+        return progress(batches, left, f"epoch {self.epoch + 1}/{self.config.epochs}")
+
+    def _train_epoch(self, batches: Iterable[Batch], state_file: Path | None, interrupt: Interrupt) -> None:
+        self.network.train()
+        for parameters in self.optimiser.param_groups:
+            parameters["lr"] = learning_rate(self.config, self.epoch)
+        began, images = time.perf_counter(), 0
+        for batch in batches:
+            self._train_batch(batch)
+            images += batch.size
+            if interrupt.asked or time.monotonic() - self._saved > SAVE_SECONDS:
+                self._save(state_file)
+            if interrupt.asked:
+                raise KeyboardInterrupt
+        self._end_epoch(images / (time.perf_counter() - began))
+
+    def _train_batch(self, batch: Batch) -> None:
+        """One step: the mean loss over the whole batch of all processes."""
+        parts = (batch.frames, batch.steering, batch.weight)
+        frames, steering, weight = (part.to(self.device, non_blocking=True) for part in parts)
+        with autocast(self.device):
+            predicted = self._model(frames).float()
+        # each process has its share of the batch, and the gradients of all are averaged
+        loss = (weight * self._losses(predicted, steering)).sum() * self.processes.world / batch.size
+        self.optimiser.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        self.optimiser.step()
+        self.error_sum += (predicted.detach() - steering).square().sum()
+        self.step += 1
+
+    def _losses(self, predicted: Tensor, steering: Tensor) -> Tensor:
+        if self.config.loss == "huber":
+            return functional.huber_loss(predicted, steering, reduction="none", delta=self.config.huber_delta)
+        return functional.mse_loss(predicted, steering, reduction="none")
+
+    def _end_epoch(self, images_per_second: float) -> None:
+        validation = self.validate()
+        training_mse = self.processes.sum(self.error_sum.clone()).item() / len(self.training)
+        self.history.append({
+            "epoch": self.epoch + 1, "training_mse": training_mse, "validation_mse": validation.mse,
+            "validation_r2": validation.r2, "validation_correlation": validation.correlation,
+            "learning_rate": learning_rate(self.config, self.epoch), "images_per_second": images_per_second,
+        })
+        self.epoch, self.step = self.epoch + 1, 0
+        self.error_sum.zero_()
+        if validation.mse < self.best["error"] - self.config.min_delta:
+            weights = copy.deepcopy(self.network.state_dict())
+            self.best = {"error": validation.mse, "epoch": self.epoch, "weights": weights}
+
+    # Validation
+
+    def validate(self) -> Agreement:
+        """Compare the network, as it is now, with the driver on the validation samples."""
+        return agreement(self.predict(self.validation), self.validation["recorded"], self.training_mean)
+
+    def predict(self, samples: pd.DataFrame) -> NDArray[np.float64]:
+        """Steering (n) for samples, never augmented; 0 where a picture has become unreadable."""
+        predicted = torch.zeros(len(samples), dtype=torch.float64)
+        self.network.eval()
+        with torch.inference_mode(), autocast(self.device):
+            for batch in self._loader(samples, augment=False).epoch(0):
+                predicted[batch.index] = self.network(batch.frames.to(self.device)).cpu().double()
+        return np.asarray(self.processes.sum(predicted).numpy())
+
+    def best_network(self) -> SteeringNetwork:
+        """The network of the best epoch, in evaluation mode."""
+        if self.best["weights"]:
+            self.network.load_state_dict(self.best["weights"])
+        return self.network.eval()
+
+    # State
+
+    def state(self) -> dict[str, Any]:
+        """All that is needed to go on later, as tensors and plain values."""
+        return {
+            "config": plain(self.config), "fingerprint": fingerprint(self.training), "epoch": self.epoch,
+            "step": self.step, "error_sum": self.error_sum, "history": self.history, "best": self.best,
+            "weights": self.network.state_dict(), "optimiser": self.optimiser.state_dict(),
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on from what `state` returned.
+
+        Raises:
+            UnusableModel: the state is of a training on other data.
+        """
+        if state["fingerprint"] != fingerprint(self.training):
+            raise UnusableModel("the recordings have changed since this training began: train anew, without --resume")
+        self.network.load_state_dict(state["weights"])
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.epoch, self.step = state["epoch"], state["step"]
+        self.history, self.best = state["history"], state["best"]
+        self.error_sum.copy_(state["error_sum"])
+
+    def _save(self, state_file: Path | None) -> None:
+        if state_file and self.processes.leads:
+            state = self.state()
+            write_atomically(state_file, lambda file: torch.save(state, file))
+        self._saved = time.monotonic()
+
+    def _loader(self, samples: pd.DataFrame, *, augment: bool) -> BatchLoader:
+        return BatchLoader(
+            samples, self.network.rows, self.config.batch_size, augment=self.config.augment if augment else None,
+            seed=self.config.seed, rank=self.processes.rank, world=self.processes.world,
+        )
+
+    def _parallel(self) -> nn.Module:
+        if self.processes.world == 1:
+            return self.network
+        return DistributedDataParallel(self.network, [self.device.index] if self.device.type == "cuda" else None)
+
+
+def fingerprint(samples: pd.DataFrame) -> str:
+    """A short text that changes with the samples: their pictures' names and labels."""
+    names = samples["image"].str.replace(r".*[/\\]", "", regex=True)
+    labels = samples[["steering", "rotation", "flip"]].astype(float)
+    return hashlib.sha256(labels.to_numpy().tobytes() + "".join(names).encode()).hexdigest()[:16]
+
+
+def learning_rate(config: TrainingConfig, epoch: int) -> float:
+    """The learning rate of an epoch (from 0)."""
+    if config.schedule == "cosine":
+        return config.learning_rate * (1 + math.cos(math.pi * epoch / config.epochs)) / 2
+    return config.learning_rate
+
+
+def choose_device(name: str, local_rank: int = 0) -> torch.device:
+    """The device of this name; "auto" takes the fastest there is. With several GPUs, each process has its own.
+
+    Raises:
+        ValueError: this machine has no such device.
+    """
+    cuda, mps = torch.cuda.is_available(), torch.backends.mps.is_available()
+    chosen = name if name != "auto" else "cuda" if cuda else "mps" if mps else "cpu"
+    available = {"cpu": True, "cuda": cuda, "mps": mps}
+    if not available.get(chosen.split(":")[0], False):
+        here = ", ".join(device for device, is_here in available.items() if is_here)
+        raise ValueError(f"--device {name}: not on this machine; here are: auto, {here}")
+    return torch.device("cuda", local_rank) if chosen == "cuda" else torch.device(chosen)
+
+
+def autocast(device: torch.device) -> torch.autocast:
+    """bfloat16 where the device gains by it: on GPUs that have it; CPUs were slower with it."""
+    gains = device.type == "cuda" and torch.cuda.is_bf16_supported()
+    return torch.autocast(device.type, torch.bfloat16, enabled=gains)
+
+
+def _keep_memory() -> None:
+    """Have glibc keep freed memory: giving 100 MB back and taking it anew each step costs a fifth of it."""
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError, AttributeError):
+            libc = ctypes.CDLL("libc.so.6")
+            libc.mallopt(-3, 1 << 30)  # M_MMAP_THRESHOLD
+            libc.mallopt(-1, 1 << 30)  # M_TRIM_THRESHOLD

@@ -1,0 +1,64 @@
+"""Recordings made for the tests: a bright post in the picture says how the driver steered."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+REPOSITORY = Path(__file__).parents[1]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--recordings", type=Path, help="folder of real recordings: also run the tests that need them")
+
+
+def picture(steering: float, shift: float = 0.0) -> np.ndarray:
+    """A 160x320x3 RGB frame with a post at the column that belongs to the steering."""
+    frame = np.full((160, 320, 3), (90, 120, 160), np.uint8)
+    frame[60:] = (100, 100, 100)
+    column = int(160 + 120 * steering + shift)
+    frame[72:130, max(column - 12, 0) : max(column + 12, 1)] = (250, 240, 40)
+    return frame
+
+
+def write_picture(path: Path, frame: np.ndarray) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    cv2.imwrite(str(path), frame[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 75])
+
+
+def stamp(moment: int) -> str:
+    """The time in a picture's name, 0.1 s a moment."""
+    seconds, tenth = divmod(moment, 10)
+    minutes, seconds = divmod(seconds, 60)
+    return f"2016_12_01_13_{minutes:02d}_{seconds:02d}_{tenth}00"
+
+
+def steering_of(moment: int) -> float:
+    return round(0.6 * float(np.sin(moment / 5)), 4)
+
+
+Recording = Callable[..., Path]
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Recording:
+    """Writes a recording of `moments`; lines(moment) may say how a line of the log reads."""
+
+    def write(name: str = "laps", moments: int = 60, line: Callable[[int], str] | None = None,
+              head: str = "", cameras: tuple[str, ...] = ("center", "left", "right"), end: str = "\n") -> Path:
+        folder = tmp_path / name
+        lines = []
+        for moment in range(moments):
+            steering = steering_of(moment)
+            for camera in cameras:
+                shift = {"center": 0, "left": 20, "right": -20}[camera]
+                write_picture(folder / "IMG" / f"{camera}_{stamp(moment)}.jpg", picture(steering, shift))
+            paths = [f"IMG/{camera}_{stamp(moment)}.jpg" for camera in cameras]
+            lines.append(line(moment) if line else ",".join([*paths, f"{steering:g}", "0.9", "0", "25.5"]))
+        folder.mkdir(exist_ok=True)
+        (folder / "driving_log.csv").write_bytes((head + end.join(lines) + end).encode())
+        return folder
+
+    return write

@@ -1,0 +1,187 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from conftest import Recording
+
+from pilot.augment import AugmentConfig
+from pilot.batches import Batch
+from pilot.checkpoint import UnusableModel
+from pilot.distributed import Processes
+from pilot.driving_log import read_driving_logs
+from pilot.recipes import TrainingConfig, config_from_plain
+from pilot.samples import SampleConfig, make_samples
+from pilot.training import Training, choose_device, learning_rate
+
+CONFIG = TrainingConfig(network="pilotnet", epochs=3, batch_size=32, samples=SampleConfig(block_seconds=1))
+
+
+def quiet(batches: object, _count: int, _title: str) -> object:
+    return batches
+
+
+@pytest.fixture
+def samples(recording: Recording) -> tuple[pd.DataFrame, pd.DataFrame]:
+    return make_samples(read_driving_logs([recording(moments=100)]).rows, CONFIG.samples, seed=0)
+
+
+def trained(samples: tuple[pd.DataFrame, pd.DataFrame], config: TrainingConfig = CONFIG, **run: object) -> Training:
+    training = Training(config, *samples)
+    training.run(lambda _: None, quiet, **run)
+    return training
+
+
+def weights(training: Training) -> torch.Tensor:
+    return torch.cat([value.flatten() for value in training.network.state_dict().values()])
+
+
+def test_learns_to_steer(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    config = replace(CONFIG, epochs=15, patience=15, augment=AugmentConfig(viewpoint=0, shadow=0, brightness=0))
+    training = trained(samples, config)
+    assert training.history[training.best["epoch"] - 1]["validation_r2"] > 0.8
+
+
+def test_same_seed_same_result(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    first, second, other = (trained(samples, replace(CONFIG, epochs=1, seed=seed)) for seed in (1, 1, 2))
+    assert torch.equal(weights(first), weights(second))
+    assert not torch.equal(weights(first), weights(other))
+
+
+@pytest.mark.parametrize("stop_after", [2, 8, 9])
+def test_an_interrupted_training_goes_on_to_the_same_result(
+    samples: tuple[pd.DataFrame, pd.DataFrame], tmp_path: Path, stop_after: int
+) -> None:
+    whole = trained(samples)
+    state = tmp_path / "state.pt"
+    steps = 0
+
+    def interrupted(batches: object, _count: int, _title: str) -> object:
+        nonlocal steps
+        for batch in batches:
+            yield batch
+            steps += 1
+            if steps == stop_after:
+                signal_self()
+
+    with pytest.raises(KeyboardInterrupt):
+        Training(CONFIG, *samples).run(lambda _: None, interrupted, state)
+    resumed = Training(CONFIG, *samples)
+    resumed.restore(torch.load(state, weights_only=True))
+    assert resumed.epoch * 8 + resumed.step < 3 * 8
+    resumed.run(lambda _: None, quiet)
+    assert torch.equal(weights(resumed), weights(whole))
+    for before, after in zip(whole.history, resumed.history, strict=True):
+        assert {**before, "images_per_second": 0} == {**after, "images_per_second": 0}
+    assert resumed.best["epoch"] == whole.best["epoch"]
+
+
+def signal_self() -> None:
+    import signal
+
+    signal.raise_signal(signal.SIGINT)
+
+
+def test_a_state_of_other_data_is_refused(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    state = Training(CONFIG, *samples).state()
+    other = Training(CONFIG, samples[0].assign(steering=0.0), samples[1])
+    with pytest.raises(UnusableModel, match="recordings have changed"):
+        other.restore(state)
+
+
+def test_stops_early_and_keeps_the_best_epoch(samples: tuple[pd.DataFrame, pd.DataFrame],
+                                              monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = iter([0.5, 0.3, 0.299995, 0.4, 0.6, 0.1])
+    kept: list[torch.Tensor] = []
+    training = Training(replace(CONFIG, epochs=6, patience=3, min_delta=1e-5), *samples)
+    real = training.validate
+
+    def fake() -> object:
+        kept.append(weights(training).clone())
+        return replace(real(), mse=next(errors))
+
+    monkeypatch.setattr(training, "validate", fake)
+    training.run(lambda _: None, quiet)
+    assert training.epoch == 5
+    assert training.best["epoch"] == 2
+    training.best_network()
+    assert torch.equal(weights(training), kept[1])
+
+
+def test_l2_is_the_penalty_added_to_the_loss(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    """One Adam step with `l2` equals one on loss + l2 * sum of squares of all weights and biases."""
+    config = replace(CONFIG, l2=0.01)
+    ours, reference = Training(config, *samples), Training(replace(config, l2=0.0), *samples)
+    batch = next(ours.loader.epoch(0))
+    ours._train_batch(batch)
+    loss = ((reference.network(batch.frames) - batch.steering) ** 2).mean()
+    (loss + 0.01 * sum(p.square().sum() for p in reference.network.parameters())).backward()
+    reference.optimiser.step()
+    torch.testing.assert_close(weights(ours), weights(reference), atol=1e-5, rtol=1e-4)
+
+
+def test_weights_of_samples_count_in_the_loss(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    training, other = Training(CONFIG, *samples), Training(CONFIG, *samples)
+    batch = next(training.loader.epoch(0))
+    training._train_batch(batch)
+    other._train_batch(replace(batch, weight=torch.linspace(0, 2, len(batch.weight))))
+    assert not torch.equal(weights(training), weights(other))
+
+
+def test_an_unreadable_picture_does_not_end_the_training(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    Path(samples[0]["image"][0]).unlink()
+    Path(samples[1]["image"].iloc[0]).write_bytes(b"")
+    training = trained(samples, replace(CONFIG, epochs=1))
+    assert np.isfinite(training.history[0]["validation_mse"])
+    assert len(training.loader.unreadable) == 1
+
+
+def test_huber_counts_large_errors_less(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    training = Training(replace(CONFIG, loss="huber", huber_delta=0.1), *samples)
+    small, large = training._losses(torch.tensor([0.01, 1.0]), torch.zeros(2)).tolist()
+    assert small == pytest.approx(0.01**2 / 2)
+    assert large == pytest.approx(0.1 * (1.0 - 0.05))
+
+
+def test_learning_rate_schedules() -> None:
+    assert learning_rate(CONFIG, 2) == CONFIG.learning_rate
+    cosine = replace(CONFIG, schedule="cosine", epochs=10)
+    rates = [learning_rate(cosine, epoch) for epoch in range(10)]
+    assert rates[0] == CONFIG.learning_rate
+    assert rates == sorted(rates, reverse=True)
+    assert 0 < rates[-1] < 0.05 * CONFIG.learning_rate
+
+
+def test_an_absent_device_is_an_error_that_names_those_there_are() -> None:
+    with pytest.raises(ValueError, match="--device vulkan: not on this machine; here are: auto, cpu"):
+        choose_device("vulkan")
+
+
+def test_two_processes_average_to_the_whole_batch(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    """The gradients of two shares, averaged as DistributedDataParallel does, are the whole batch's."""
+    whole = Training(CONFIG, *samples)
+    batch = next(whole.loader.epoch(0))
+    gradient_of_whole = gradient(whole, batch)
+    shares = []
+    for rank in (0, 1):
+        alone = Training(CONFIG, *samples)
+        alone.processes = Processes(rank, 2)
+        part = slice(rank, None, 2)
+        share = Batch(batch.frames[part], batch.steering[part], batch.weight[part], batch.index[part], batch.size)
+        shares.append(gradient(alone, share))
+    torch.testing.assert_close(sum(shares) / 2, gradient_of_whole, atol=1e-6, rtol=1e-3)
+
+
+def gradient(training: Training, batch: Batch) -> torch.Tensor:
+    training.optimiser.step = lambda: None
+    training._train_batch(batch)
+    return torch.cat([parameter.grad.flatten() for parameter in training.network.parameters()])
+
+
+def test_configurations_survive_as_plain_values() -> None:
+    from pilot.checkpoint import plain
+
+    config = replace(CONFIG, data=(Path("a"), Path("b")), augment=AugmentConfig(crop_top=(0.1, 0.2)))
+    assert config_from_plain(plain(config)) == config
