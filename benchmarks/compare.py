@@ -49,7 +49,7 @@ def variants(group: str, base: TrainingConfig) -> Iterator[tuple[str, TrainingCo
         yield from ((f"smoothed over {seconds} s", replace(base, samples=replace(samples, smooth_seconds=seconds)))
                     for seconds in (0.0, 0.5, 1.0))
         yield from ((f"side correction {value}", replace(base, samples=replace(samples, side_correction=value)))
-                    for value in (0.1, 0.2, 0.3))
+                    for value in (0.05, 0.1, 0.2))
         yield "side cameras by the geometric rule", replace(base, samples=replace(samples, side_rule="geometric"))
         yield "huber loss", replace(base, loss="huber")
         yield from ((f"l2 {value:g}", replace(base, l2=value)) for value in (0.0, 1e-5, 1e-4, 1e-3))

@@ -46,12 +46,12 @@ class AugmentConfig:
     """Share of the frame's height cut off below."""
     viewpoint: float = 0.5
     """Probability of showing the road from beside the driver's path, with steering that leads back to it."""
-    viewpoint_metres: float = 0.5
+    viewpoint_metres: float = 1.0
     """The viewpoint is shifted by up to this, to either side."""
-    viewpoint_degrees: float = 3.0
+    viewpoint_degrees: float = 5.0
     """The viewpoint is turned by up to this, to either side."""
-    viewpoint_lookahead: float = 7.2
-    """Metres ahead at which the label's steering has brought the car back; 7.2 m makes the side cameras' 0.2."""
+    viewpoint_lookahead: float = 15.0
+    """Metres ahead at which the label's steering has brought the car back (7.2 m make a side camera's 0.2)."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,8 @@ def render(frame: Frame, view: View, rows: tuple[int, int]) -> Frame:
     matrix = lift @ view.homography
     if np.array_equal(matrix[2], [0, 0, 1]):  # the same pixels, a little faster
         return np.asarray(cv2.warpAffine(frame, matrix[:2], size), np.uint8)
-    return np.asarray(cv2.warpPerspective(frame, matrix, size), np.uint8)
+    # a black corner would tell the network how far the viewpoint was shifted, so the border is continued
+    return np.asarray(cv2.warpPerspective(frame, matrix, size, borderMode=cv2.BORDER_REPLICATE), np.uint8)
 
 
 # Light: pixels only

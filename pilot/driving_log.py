@@ -16,9 +16,8 @@ from pathlib import Path
 import pandas as pd
 
 from pilot.frames import image_fault
-from pilot.log_format import CAMERAS, NUMBERS, LogLine, parse_log
+from pilot.log_format import CAMERAS, LOG_NAME, NUMBERS, LogLine, parse_log
 
-LOG_NAME = "driving_log.csv"
 TIME_STAMP = re.compile(r"(\d{4})_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d{3})")
 SECONDS_A_ROW = 0.1  # where the names of the pictures carry no time
 

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
+LOG_NAME = "driving_log.csv"
 CAMERAS = ("center", "left", "right")
 NUMBERS = ("steering", "throttle", "brake", "speed")
 STEERING_NAMES = {"steering_angle": "steering", "angle": "steering", "steer": "steering"}

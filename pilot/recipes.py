@@ -27,13 +27,13 @@ class TrainingConfig:
     """Go on with an interrupted training of this --out, with the options it was started with."""
     network: NetworkName = "nvidia"
     """Network to train."""
-    epochs: int = 30
+    epochs: int = 15
     """Most passes over the data."""
     batch_size: int = 64
     """Pictures for one step."""
     learning_rate: float = 1e-3
     """Adam's learning rate."""
-    schedule: Literal["constant", "cosine"] = "constant"
+    schedule: Literal["constant", "cosine"] = "cosine"
     """Learning rate over the epochs: as it is, or falling along a cosine to zero in the last."""
     loss: Literal["mse", "huber"] = "mse"
     """Loss: the squared error, or Huber's, which counts large errors only linearly."""
@@ -51,7 +51,9 @@ class TrainingConfig:
     """cuda, mps or cpu; auto takes the fastest there is."""
     tensorboard: bool = False
     """Also write TensorBoard events (pip install tensorboard)."""
-    samples: SampleConfig = field(default_factory=SampleConfig)
+    # a side camera 0.82 m off the middle comes back 15 m ahead, as the shifted viewpoints do; the seeds' 0.2
+    # (7 m ahead) is so strong that the picture's place on the road outweighs what the driver did
+    samples: SampleConfig = field(default_factory=lambda: SampleConfig(side_correction=0.05))
     augment: AugmentConfig = field(default_factory=AugmentConfig)
 
     def check(self) -> None:
@@ -99,11 +101,12 @@ NO_AUGMENTATION = AugmentConfig(flip=0, rotation=0, brightness=0, shadow=0, crop
 _ROTATIONS = SampleConfig(split="moments", flipped_copies=True, rotated_copies=6, rotation_range=45)
 _SEED_000 = TrainingConfig(
     recipe="nvidia-rotations", network="nvidia", batch_size=128, learning_rate=1e-3, l2=1e-3, patience=3,
-    min_delta=1e-5, samples=_ROTATIONS, augment=NO_AUGMENTATION,
+    schedule="constant", min_delta=1e-5, samples=_ROTATIONS, augment=NO_AUGMENTATION,
 )
 # Seed 002: the centre camera with mirrored copies, nine of ten zeros dropped, 2 % for validation.
 _SEED_002 = TrainingConfig(
     recipe="lenet-drop-zeros", network="lenet", batch_size=16, epochs=5, learning_rate=1e-3, l2=0, patience=5,
+    schedule="constant",
     samples=SampleConfig(cameras="center", balance="drop-zeros", drop_zeros=0.9, split="moments",
                          validation_share=0.02, flipped_copies=True),
     augment=NO_AUGMENTATION,
@@ -111,6 +114,7 @@ _SEED_002 = TrainingConfig(
 # Seed 004: geometric rule for the side cameras, spikes taken out, everything else at random.
 _SEED_004 = TrainingConfig(
     recipe="simplenet-spikes", network="simplenet", batch_size=128, epochs=20, learning_rate=1e-4, l2=0, patience=20,
+    schedule="constant",
     samples=SampleConfig(side_rule="geometric", balance="spikes", split="moments", validation_share=0.15),
     augment=AugmentConfig(crop=1.0, viewpoint=0),
 )

@@ -83,7 +83,7 @@ class Training:
         Raises:
             KeyboardInterrupt: on Ctrl-C, after the running step.
         """
-        _keep_memory()
+        keep_memory()
         with catch_interrupt() as interrupt:
             while not self.finished:
                 self._train_epoch(self._batches(progress), state_file, interrupt)
@@ -106,7 +106,7 @@ class Training:
             parameters["lr"] = learning_rate(self.config, self.epoch)
         began, images = time.perf_counter(), 0
         for batch in batches:
-            self._train_batch(batch)
+            self.train_batch(batch)
             images += batch.size
             if interrupt.asked or time.monotonic() - self._saved > SAVE_SECONDS:
                 self._save(state_file)
@@ -114,7 +114,7 @@ class Training:
                 raise KeyboardInterrupt
         self._end_epoch(images / (time.perf_counter() - began))
 
-    def _train_batch(self, batch: Batch) -> None:
+    def train_batch(self, batch: Batch) -> None:
         """One step: the mean loss over the whole batch of all processes."""
         parts = (batch.frames, batch.steering, batch.weight)
         frames, steering, weight = (part.to(self.device, non_blocking=True) for part in parts)
@@ -245,7 +245,7 @@ def autocast(device: torch.device) -> torch.autocast:
     return torch.autocast(device.type, torch.bfloat16, enabled=gains)
 
 
-def _keep_memory() -> None:
+def keep_memory() -> None:
     """Have glibc keep freed memory: giving 100 MB back and taking it anew each step costs a fifth of it."""
     if sys.platform == "linux":
         with contextlib.suppress(OSError, AttributeError):

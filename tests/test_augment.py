@@ -6,6 +6,7 @@ from conftest import picture
 
 from pilot import augment, camera
 from pilot.augment import AugmentConfig, View
+from pilot.recipes import TrainingConfig
 
 WHOLE = (0, 160)
 NOTHING = AugmentConfig(flip=0, rotation=0, brightness=0, shadow=0, crop=0, viewpoint=0)
@@ -63,9 +64,9 @@ def test_the_recovery_label_reaches_the_path_at_the_lookahead() -> None:
 
 
 def test_a_shift_by_a_side_camera_means_the_side_cameras_correction() -> None:
-    config = AugmentConfig()
-    view = augment.shift_viewpoint(View(0), -camera.SIDE_CAMERA_OFFSET, 0, config.viewpoint_lookahead)
-    assert view.steering == pytest.approx(0.2, abs=0.01)
+    config = TrainingConfig()
+    view = augment.shift_viewpoint(View(0), -camera.SIDE_CAMERA_OFFSET, 0, config.augment.viewpoint_lookahead)
+    assert view.steering == pytest.approx(config.samples.side_correction, abs=0.005)
 
 
 def test_height_crop_stretches_the_rows_left_and_keeps_the_label() -> None:

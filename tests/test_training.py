@@ -115,7 +115,7 @@ def test_l2_is_the_penalty_added_to_the_loss(samples: tuple[pd.DataFrame, pd.Dat
     config = replace(CONFIG, l2=0.01)
     ours, reference = Training(config, *samples), Training(replace(config, l2=0.0), *samples)
     batch = next(ours.loader.epoch(0))
-    ours._train_batch(batch)
+    ours.train_batch(batch)
     loss = ((reference.network(batch.frames) - batch.steering) ** 2).mean()
     (loss + 0.01 * sum(p.square().sum() for p in reference.network.parameters())).backward()
     reference.optimiser.step()
@@ -125,8 +125,8 @@ def test_l2_is_the_penalty_added_to_the_loss(samples: tuple[pd.DataFrame, pd.Dat
 def test_weights_of_samples_count_in_the_loss(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
     training, other = Training(CONFIG, *samples), Training(CONFIG, *samples)
     batch = next(training.loader.epoch(0))
-    training._train_batch(batch)
-    other._train_batch(replace(batch, weight=torch.linspace(0, 2, len(batch.weight))))
+    training.train_batch(batch)
+    other.train_batch(replace(batch, weight=torch.linspace(0, 2, len(batch.weight))))
     assert not torch.equal(weights(training), weights(other))
 
 
@@ -176,7 +176,7 @@ def test_two_processes_average_to_the_whole_batch(samples: tuple[pd.DataFrame, p
 
 def gradient(training: Training, batch: Batch) -> torch.Tensor:
     training.optimiser.step = lambda: None
-    training._train_batch(batch)
+    training.train_batch(batch)
     return torch.cat([parameter.grad.flatten() for parameter in training.network.parameters()])
 
 

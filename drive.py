@@ -1,0 +1,80 @@
+"""Drive the simulator: python drive.py model.pt [run1] (see --help)."""
+
+import logging
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import tyro
+
+from pilot.controller import SpeedConfig
+
+
+@dataclass(frozen=True)
+class DriveConfig:
+    """Serve the simulator (Autonomous mode): steer by a trained model, hold a set speed."""
+
+    model: tyro.conf.Positional[Path]
+    """The trained model, such as model.pt."""
+    run: tyro.conf.Positional[Path | None] = None
+    """Record the drive into this folder: frames and driving_log.csv."""
+    overwrite: bool = False
+    """Replace a recording that is already in the folder."""
+    host: str = "127.0.0.1"
+    """Address to serve on."""
+    port: int = 4567
+    """Port to serve on; the simulator looks for 4567."""
+    drive: tyro.conf.OmitArgPrefixes[SpeedConfig] = field(default_factory=SpeedConfig)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Serve until Ctrl-C; returns the exit code."""
+    config = tyro.cli(DriveConfig, prog="drive.py", args=arguments)
+    logging.basicConfig(level=logging.ERROR, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    logging.getLogger("pilot").setLevel(logging.INFO)
+    try:
+        config.drive.check()
+        serve(config)
+    except KeyboardInterrupt:
+        return 0
+    except (ValueError, OSError, RuntimeError) as error:
+        print(f"drive.py: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def serve(config: DriveConfig) -> None:
+    """Load the model, listen, drive.
+
+    Raises:
+        UnusableModel, WrongVersionError, FolderInUseError, OSError: with the cure in the message.
+    """
+    # imported here: --help and wrong options need not wait for torch
+    from pilot.autopilot import Autopilot
+    from pilot.dashboard.page import create_page
+    from pilot.dashboard.state import DriveState
+    from pilot.driver import Driver
+    from pilot.recorder import Recorder
+    from pilot.server import DriveServer, check_versions
+    from pilot.websocket import listen
+
+    check_versions()
+    driver = Driver.load(config.model)
+    listener = listen(config.host, config.port)
+    autopilot = Autopilot(driver.steer, config.drive)
+    state = DriveState(autopilot)
+    recorder = Recorder(config.run, overwrite=config.overwrite) if config.run else None
+    server = DriveServer(autopilot, [state.observe, *([recorder.observe] if recorder else [])])
+    print(f"{config.model} ({driver.model.name}) is ready at {config.drive.speed:g} mph. Start the simulator in "
+          f"autonomous mode; watch at http://{config.host}:{config.port}/ (Ctrl-C ends)", flush=True)
+    try:
+        server.serve(listener, create_page(state, driver.model))
+    finally:
+        if recorder:
+            recorder.close()
+            print(f"\n{recorder.frames} frames in {config.run}. For a clip: python video.py {config.run}")
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,48 @@
+"""model.pt → steering for one camera frame, as fast as the CPU gives it."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from pilot.camera import COLUMNS, ROWS
+from pilot.checkpoint import Model, load_model
+from pilot.frames import Frame
+
+WARM_UP = 20  # the first runs of a frozen network optimise it, and must not happen while the car drives
+
+
+class Driver:
+    """Steers by a trained model. The whole interface: `steer(frame)`.
+
+    Attributes:
+        model: the loaded model.
+    """
+
+    def __init__(self, model: Model) -> None:
+        """Freeze the network and warm it up, so that the first car waits no longer than any other."""
+        self.model = model
+        # one frame is too little work to share: a second thread gains nothing in the median, and jitters
+        torch.set_num_threads(1)
+        example = torch.zeros(1, ROWS, COLUMNS, 3, dtype=torch.uint8)
+        with torch.inference_mode(), warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self._network = torch.jit.freeze(torch.jit.trace(model.network, example))  # type: ignore[no-untyped-call]
+            for _ in range(WARM_UP):
+                self._network(example)
+
+    @classmethod
+    def load(cls, path: Path) -> "Driver":
+        """Load a model file.
+
+        Raises:
+            UnusableModel: the file is missing, damaged, or no model of this program.
+        """
+        return cls(load_model(path))
+
+    def steer(self, frame: Frame) -> float:
+        """Steering (-1..1, right is positive) for a 160x320x3 uint8 RGB frame."""
+        with torch.inference_mode():
+            steering = self._network(torch.from_numpy(np.ascontiguousarray(frame)[None]))
+        return min(max(float(steering), -1.0), 1.0)
