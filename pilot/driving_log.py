@@ -5,20 +5,17 @@ A recording is a folder with a driving_log.csv and, beside it, the pictures in I
 
 import math
 import os
-import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 
 import pandas as pd
 
 from pilot.frames import image_fault
-from pilot.log_format import CAMERAS, LOG_NAME, NUMBERS, LogLine, parse_log
+from pilot.log_format import CAMERAS, LOG_NAME, NUMBERS, LogLine, parse_log, time_of
 
-TIME_STAMP = re.compile(r"(\d{4})_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d{3})")
 SECONDS_A_ROW = 0.1  # where the names of the pictures carry no time
 
 Progress = Callable[[Iterable[str], int], Iterable[str]]
@@ -157,18 +154,6 @@ def _row(line: LogLine, images: dict[str, str], recording: int) -> dict[str, obj
 def _number(text: str) -> float:
     try:
         return float(text)
-    except ValueError:
-        return math.nan
-
-
-def time_of(name: str) -> float:
-    """Seconds (of an arbitrary day zero) in a picture's name, `..._2016_12_01_13_30_48_287.jpg`; NaN if none."""
-    stamp = TIME_STAMP.search(name)
-    if stamp is None:
-        return math.nan
-    *date, milliseconds = map(int, stamp.groups())
-    try:
-        return (datetime(*date) - datetime(1970, 1, 1)).total_seconds() + milliseconds / 1000  # type: ignore[arg-type]
     except ValueError:
         return math.nan
 

@@ -30,13 +30,22 @@ def read_frame(path: Path | str) -> Frame:
     Raises:
         UnreadableImage: the file is missing, empty, cut off or no picture.
     """
+    return _to_size(read_frame_as_is(path))
+
+
+def read_frame_as_is(path: Path | str) -> Frame:
+    """Read a picture file as a uint8 RGB frame of its own size.
+
+    Raises:
+        UnreadableImage: the file is missing, empty, cut off or no picture.
+    """
     try:
         data = np.fromfile(path, np.uint8)  # not cv2.imread: it fails on non-ASCII paths on Windows
     except OSError as error:
         raise UnreadableImage(path, "image missing") from error
     if data.size == 0:
         raise UnreadableImage(path, "image empty")
-    frame = decode_frame(data)
+    frame = _decode(data)
     if frame is None:
         raise UnreadableImage(path, "image corrupt")
     return frame
@@ -44,6 +53,11 @@ def read_frame(path: Path | str) -> Frame:
 
 def decode_frame(data: NDArray[np.uint8]) -> Frame | None:
     """Decode an encoded picture (1-D uint8) to a 160x320x3 uint8 RGB frame; None if it is damaged."""
+    frame = _decode(data)
+    return None if frame is None else _to_size(frame)
+
+
+def _decode(data: NDArray[np.uint8]) -> Frame | None:
     start, end = data[:2].tobytes(), data[-64:].tobytes()
     if start == JPEG_START and JPEG_END not in end:  # OpenCV would fill the missing part with grey
         return None
@@ -51,11 +65,13 @@ def decode_frame(data: NDArray[np.uint8]) -> Frame | None:
         image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
     except cv2.error:
         return None
-    if image is None:
-        return None
-    if image.shape[:2] != (ROWS, COLUMNS):
-        image = cv2.resize(image, (COLUMNS, ROWS), interpolation=cv2.INTER_AREA)
-    return np.asarray(image, np.uint8)
+    return None if image is None else np.asarray(image, np.uint8)
+
+
+def _to_size(frame: Frame) -> Frame:
+    if frame.shape[:2] == (ROWS, COLUMNS):
+        return frame
+    return np.asarray(cv2.resize(frame, (COLUMNS, ROWS), interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def image_fault(path: Path | str) -> str | None:

@@ -7,9 +7,11 @@ spreadsheet added, and decimal commas that cut one number into two fields.
 
 import csv
 import itertools
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 
 LOG_NAME = "driving_log.csv"
 CAMERAS = ("center", "left", "right")
@@ -21,6 +23,7 @@ RANGES = {"steering": (-1.0, 1.0), "throttle": (0.0, 1.0), "brake": (0.0, 1.0), 
 # How much each value may change from row to row before it counts as a jump.
 SCALES = {"steering": 1.0, "throttle": 1.0, "brake": 1.0, "speed": 3.0}
 
+TIME_STAMP = re.compile(r"(\d{4})_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d{3})")
 IMAGE_NAME = re.compile(r"\.(jpe?g|png|bmp)\s*$", re.IGNORECASE)
 WHOLE_NUMBER = re.compile(r"-?\d+(E[+-]?\d+)?", re.IGNORECASE)
 
@@ -106,6 +109,18 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def time_of(name: str) -> float:
+    """Seconds (of an arbitrary day zero) in a picture's name, `..._2016_12_01_13_30_48_287.jpg`; NaN if none."""
+    stamp = TIME_STAMP.search(name)
+    if stamp is None:
+        return math.nan
+    *date, milliseconds = map(int, stamp.groups())
+    try:
+        return (datetime(*date) - datetime(1970, 1, 1)).total_seconds() + milliseconds / 1000  # type: ignore[arg-type]
+    except ValueError:
+        return math.nan
 
 
 # Decimal commas

@@ -1,0 +1,85 @@
+"""Make a clip of a recorded drive: python video.py run1 (see --help)."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+
+if TYPE_CHECKING:
+    from pilot.clip import Overlays
+
+
+@dataclass(frozen=True)
+class ClipConfig:
+    """Make a video (H.264) of a folder of frames; run1 becomes run1.mp4."""
+
+    run: tyro.conf.Positional[Path]
+    """The folder with the frames, as drive.py (or the simulator's original server) recorded it."""
+    out: Path | None = None
+    """The video to write; without it, the folder's name with .mp4."""
+    fps: float | None = None
+    """Frames a second; without it, as the time stamps of the frames have it."""
+    wheel: bool = False
+    """Draw a steering wheel."""
+    speed: bool = False
+    """Write the speed."""
+    path: bool = False
+    """Draw the path that the steering drives, on the road."""
+    saliency: Path | None = None
+    """Show what the network of this model file looks at."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Make the clip; returns the exit code."""
+    config = tyro.cli(ClipConfig, prog="video.py", args=arguments)
+    try:
+        make(config)
+    except KeyboardInterrupt:
+        print("\nInterrupted; no clip was written.", file=sys.stderr)
+        return 130
+    except (ValueError, OSError) as error:
+        print(f"video.py: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def make(config: ClipConfig) -> None:
+    """Make the clip and say what became of it.
+
+    Raises:
+        ValueError, OSError: with the cure in the message.
+    """
+    from tqdm import tqdm
+
+    from pilot.clip import make_clip, read_moments
+
+    if config.fps is not None and not 0 < config.fps <= 240:
+        raise ValueError(f"--fps {config.fps:g}: must lie between 0 and 240")
+    target = config.out or config.run.resolve().with_name(config.run.resolve().name + ".mp4")
+    if (config.wheel or config.speed or config.path) and config.run.is_dir() and not read_moments(config.run):
+        print(f"{config.run}: there is no driving_log.csv with it, so wheel, speed and path cannot be drawn")
+    made = make_clip(config.run, target, fps=config.fps, overlays=overlays(config),
+                     progress=lambda frames: tqdm(frames, unit=" frames", leave=False))
+    left_out = f"; {made.unreadable} pictures could not be read and were left out" if made.unreadable else ""
+    print(f"{target}: {made.frames} frames, {made.seconds:.1f} s{left_out}")
+
+
+def overlays(config: ClipConfig) -> "Overlays":
+    """What the options ask to be drawn."""
+    from pilot.clip import Overlays
+
+    glow = None
+    if config.saliency:
+        from pilot.checkpoint import load_model
+        from pilot.saliency import overlay, saliency
+
+        network = load_model(config.saliency).network
+        glow = lambda frame: overlay(frame, saliency(network, frame))  # noqa: E731
+    return Overlays(config.wheel, config.speed, config.path, glow)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
