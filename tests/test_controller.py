@@ -3,11 +3,11 @@ import pytest
 from pilot.controller import SpeedConfig, SpeedController, SteeringFilter
 
 
-def simulate(config: SpeedConfig, seconds: float, step: float = 0.05, speed: float = 0.0, steering: float = 0.0) -> list[float]:
+def simulate(config: SpeedConfig, seconds: float, step: float) -> list[float]:
     """Speeds (mph) of a car with the simulator's acceleration and drag."""
-    controller, speeds = SpeedController(config), []
+    controller, speed, speeds = SpeedController(config), 0.0, []
     for _ in range(int(seconds / step)):
-        throttle = controller.throttle(speed, steering, step)
+        throttle = controller.throttle(speed, 0.0, step)
         speed = max(speed + (throttle * 8 - 0.08 * speed) * step, 0.0)
         speeds.append(speed)
     return speeds

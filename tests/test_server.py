@@ -186,31 +186,45 @@ def test_a_connection_that_breaks_off_in_a_message_harms_nobody(server: Server) 
 
 # Hostile messages
 
-IMAGES = st.one_of(st.binary(max_size=300).map(lambda data: base64.b64encode(data).decode()), st.text(max_size=50),
-                   st.integers(0, len(IMAGE)).map(lambda size: base64.b64encode(IMAGE[:size]).decode()))
-NUMBERS = st.one_of(st.sampled_from(["nan", "inf", "-inf", "1e999", "", "12,5", "0x10", "٣"]), st.floats().map(str), st.none(),
-                    st.booleans(), st.integers(), st.lists(st.integers(), max_size=3), st.text(max_size=10))
-TELEMETRY = st.fixed_dictionaries({}, optional={"image": IMAGES, "speed": NUMBERS, "steering_angle": NUMBERS,
-                                                "throttle": NUMBERS})
-JSON = st.recursive(st.none() | st.booleans() | st.floats() | st.text(max_size=8),
-                    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3))
+IMAGES = st.one_of(
+    st.binary(max_size=300).map(lambda data: base64.b64encode(data).decode()),
+    st.text(max_size=50),
+    st.integers(0, len(IMAGE)).map(lambda size: base64.b64encode(IMAGE[:size]).decode()),
+)
+NUMBERS = st.one_of(
+    st.sampled_from(["nan", "inf", "-inf", "1e999", "", "12,5", "0x10", "٣"]), st.floats().map(str), st.none(),
+    st.booleans(), st.integers(), st.lists(st.integers(), max_size=3), st.text(max_size=10),
+)
+FIELDS = {"image": IMAGES, "speed": NUMBERS, "steering_angle": NUMBERS, "throttle": NUMBERS}
+TELEMETRY = st.fixed_dictionaries({}, optional=FIELDS)
+JSON = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
+)
+ODD = ["", "0", "3", "4", "5", "6", "7", "40", "40/other", "42", "42[", "43", "44", '451-["telemetry",{}]',
+       '451-["telemetry",{"_placeholder":true,"num":0}]', '42["telemetry",{"speed":]', '42["telemetry"]',
+       '42["connect",{}]', '42["disconnect"]', '42/x,["telemetry",{}]', '421["x"]']
 PACKETS = st.one_of(
     TELEMETRY.map(lambda data: "42" + json.dumps(["telemetry", data])),
     JSON.map(lambda data: "42" + json.dumps(["telemetry", data])),
     JSON.map(lambda data: "42" + json.dumps(data)),
     st.text(max_size=40).filter(lambda text: text not in ("1", "41")),  # with these the client takes its leave
-    st.sampled_from(["", "0", "3", "4", "5", "6", "7", "40", "40/other", "42", "42[", "43", "44", "451-[\"telemetry\",{}]",
-                     "451-[\"telemetry\",{\"_placeholder\":true,\"num\":0}]", "42[\"telemetry\",{\"speed\":]",
-                     "42[\"telemetry\"]", "42[\"connect\",{}]", "42[\"disconnect\"]", "42/x,[\"telemetry\",{}]", "421[\"x\"]"]),
+    st.sampled_from(ODD),
 )
-MESSAGES = st.one_of(PACKETS.map(lambda text: (1, text.encode("utf-8", "replace"))), st.binary(max_size=40).map(lambda data: (2, data)),
-                     st.just((2, b"x" * 70_000)), st.just((9, b"ping")))
+MESSAGES = st.one_of(
+    PACKETS.map(lambda text: (1, text.encode("utf-8", "replace"))),
+    st.binary(max_size=40).map(lambda data: (2, data)),
+    st.just((2, b"x" * 70_000)),
+    st.just((9, b"ping")),
+)
 
 
 @pytest.mark.filterwarnings("ignore::hypothesis.errors.HypothesisWarning")  # a large message to print
 @settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck), phases=[Phase.generate])
 @given(messages=st.lists(MESSAGES, min_size=30, max_size=70))
-def test_after_any_messages_the_next_good_telemetry_is_answered(server: Server, messages: list[tuple[int, bytes]]) -> None:
+def test_after_any_messages_the_next_good_telemetry_is_answered(
+    server: Server, messages: list[tuple[int, bytes]]
+) -> None:
     with server.client() as client:
         for opcode, payload in messages:
             client.frame(payload, opcode)
@@ -246,11 +260,15 @@ def test_memory_stays_flat_under_hostile_messages(server: Server) -> None:
 
 def test_a_message_without_end_is_cut_off(server: Server) -> None:
     with server.free_client() as client, pytest.raises((ConnectionError, TimeoutError)):
-        for number in range(100):
-            client.frame(b"x" * 100_000, 0 if number else 1, final=False)
-        client.receive()
+        send_without_end(client)
     with server.client() as next_client:
         assert steers(next_client, telemetry(IMAGE))[0] == "steer"
+
+
+def send_without_end(client: WireClient) -> None:
+    for number in range(100):
+        client.frame(b"x" * 100_000, 0 if number else 1, final=False)
+    client.receive()
 
 
 # The page
@@ -289,5 +307,6 @@ def test_the_set_speed_is_changed_on_the_page(server: Server) -> None:
         assert float(steers(client, telemetry(IMAGE, speed="20"))[1]["throttle"]) < 0
         assert post(b'{"mph": 30}') == 200
         assert float(steers(client, telemetry(IMAGE, speed="5"))[1]["throttle"]) > 0
-    assert [post(b'{"mph": 31}'), post(b'{"mph": "x"}'), post(b"nonsense"), post(b'{"mph": 9}', "text/plain")] == [400] * 4
+    assert [post(b'{"mph": 31}'), post(b'{"mph": "x"}'), post(b"nonsense")] == [400] * 3
+    assert post(b'{"mph": 9}', "text/plain") == 400
     assert post(b'{"mph": 20}') == 200

@@ -15,6 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+PING_SECONDS = 25
 FRAGMENT = 1016  # websocket-sharp cuts messages into frames of this size
 HANDSHAKE = (
     "GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
@@ -24,12 +25,16 @@ HANDSHAKE = (
 
 def jpeg(frame: np.ndarray, quality: int = 75) -> bytes:
     """A 160x320x3 RGB frame as JPEG."""
-    return cv2.imencode(".jpg", np.ascontiguousarray(frame[:, :, ::-1]), [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+    blue_first = np.ascontiguousarray(frame[:, :, ::-1])
+    return cv2.imencode(".jpg", blue_first, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
 
 
-def telemetry(image: bytes, *, speed: str = "12.3456", steering: str = "2.5000", throttle: str = "0.2000") -> dict[str, str]:
+def telemetry(
+    image: bytes, *, speed: str = "12.3456", steering: str = "2.5000", throttle: str = "0.2000"
+) -> dict[str, str]:
     """The argument of a telemetry event: strings all."""
-    return {"steering_angle": steering, "throttle": throttle, "speed": speed, "image": base64.b64encode(image).decode()}
+    text = base64.b64encode(image).decode()
+    return {"steering_angle": steering, "throttle": throttle, "speed": speed, "image": text}
 
 
 class WireClient:
@@ -38,6 +43,7 @@ class WireClient:
     def __init__(self, port: int, timeout: float = 5.0) -> None:
         self.socket = socket.create_connection(("127.0.0.1", port), timeout)
         self.buffer = b""
+        self.pinged = time.monotonic()
         key = base64.b64encode(os.urandom(16)).decode()
         self.socket.sendall(HANDSHAKE.format(port=port, key=key).encode())
         while b"\r\n\r\n" not in self.buffer:
@@ -114,6 +120,9 @@ class WireClient:
 
     def answer(self) -> tuple[str, Any]:
         """The next event of the server: its name and argument."""
+        if time.monotonic() - self.pinged > PING_SECONDS:
+            self.pinged = time.monotonic()
+            self.send("2")
         while not (packet := self.receive()).startswith("42"):
             pass
         name, argument = json.loads(packet[2:])

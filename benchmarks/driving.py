@@ -1,0 +1,181 @@
+"""How fast a telemetry is answered: in the process, and on the wire beside a server like the original.
+
+    python benchmarks/driving.py [--network nvidia] [--steers 10000]
+
+In the process: from base64 to steering, several ways to run the network. On the wire: the raw-frame
+client of the tests, with websocket-sharp's fragments and the kernel's delayed packets, against
+drive.py and against original_drive.py in turn; without pause, and with 60 rendered frames a second.
+"""
+
+import argparse
+import base64
+import functools
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+
+ROOT = Path(__file__).parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+
+from wire import WireClient, jpeg, telemetry
+
+from pilot.checkpoint import Model, load_model, save_model
+from pilot.driver import Driver
+from pilot.networks import NETWORKS, build_network
+from pilot.telemetry import parse_telemetry
+
+LONGEST = 30.0  # seconds of one drive
+Steer = Callable[[dict[str, str]], float]
+
+
+def made_up_image() -> bytes:
+    """A picture that compresses like the simulator's (about 13 KB)."""
+    rng = np.random.default_rng(0)
+    coarse = Image.fromarray(rng.integers(60, 200, (20, 40, 3), dtype=np.uint8)).resize((320, 160))
+    noise = rng.integers(-9, 10, (160, 320, 1))
+    image: bytes = jpeg((np.asarray(coarse).astype(int) + noise).clip(0, 255).astype(np.uint8))
+    return image
+
+
+def ways(model: Model) -> Iterator[tuple[str, Steer]]:
+    """Ways from a telemetry to steering, by name."""
+
+    def pillow(message: dict[str, str]) -> torch.Tensor:
+        image = np.array(Image.open(BytesIO(base64.b64decode(message["image"]))))
+        return torch.from_numpy(image[None])
+
+    def cv2(message: dict[str, str]) -> torch.Tensor:
+        return torch.from_numpy(parse_telemetry(message).frame[None])
+
+    for threads in (2, 1):
+        torch.set_num_threads(threads)
+        yield f"eager, Pillow, {threads} threads", lambda message: float(model.network(pillow(message)))
+        yield f"eager, OpenCV, {threads} threads", lambda message: float(model.network(cv2(message)))
+        compiled = torch.compile(model.network)
+        yield f"compiled, {threads} threads", functools.partial(_through, compiled, cv2)
+        driver = Driver(model)  # sets one thread
+        torch.set_num_threads(threads)
+        yield f"frozen (drive.py), {threads} threads", functools.partial(_driven, driver)
+
+
+def _through(network: Callable[[torch.Tensor], torch.Tensor], decode: Callable[[dict[str, str]], torch.Tensor],
+             message: dict[str, str]) -> float:
+    return float(network(decode(message)))
+
+
+def _driven(driver: Driver, message: dict[str, str]) -> float:
+    return driver.steer(parse_telemetry(message).frame)
+
+
+def in_process(model: Model, message: dict[str, str], repeats: int) -> None:
+    """Print p50 and p99 from base64 to steering."""
+    with torch.inference_mode():
+        for name, steer in ways(model):
+            for _ in range(30):
+                steer(message)
+            seconds = [timed(steer, message) for _ in range(repeats)]
+            print(f"{name:32s} p50 {percentile(seconds, 50):6.2f} ms, p99 {percentile(seconds, 99):6.2f} ms", flush=True)
+
+
+def timed(steer: Steer, message: dict[str, str]) -> float:
+    """Seconds of one call."""
+    began = time.perf_counter()
+    steer(message)
+    return time.perf_counter() - began
+
+
+def percentile(seconds: list[float], share: float) -> float:
+    """A percentile in milliseconds."""
+    return float(np.percentile(seconds, share)) * 1000
+
+
+@contextmanager
+def serving(command: list[str], port: int, folder: Path) -> Iterator[None]:
+    """A server in a process of its own, from its first connection on."""
+    with (folder / "log").open("w") as log:
+        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        process = subprocess.Popen(command, cwd=folder, stdout=log, stderr=log, env=environment)
+        try:
+            deadline = time.monotonic() + 60
+            while time.monotonic() < deadline:
+                try:
+                    WireClient(port).socket.close()
+                    break
+                except OSError:
+                    time.sleep(0.1)
+            time.sleep(1)
+            yield
+        finally:
+            process.kill()
+            process.wait()
+
+
+def on_the_wire(port: int, message: str, steers: int, pause: float) -> tuple[list[float], float]:
+    """Drive as the simulator does, until the steers or LONGEST are over.
+
+    Returns:
+        The seconds of each round trip as the simulator sees it, and the answers a second.
+    """
+    with WireClient(port) as client:
+        client.socket.settimeout(20)
+        client.send("2")
+        began = time.perf_counter()
+        sent: list[float] = []
+        seconds: list[float] = []
+        for _ in range(2):
+            sent.append(time.perf_counter())
+            client.send(message)
+        while len(seconds) < steers and time.perf_counter() - began < LONGEST:
+            client.answer()
+            seconds.append(time.perf_counter() - sent.pop(0))
+            time.sleep(pause)
+            sent.append(time.perf_counter())
+            client.send(message)
+        return seconds, len(seconds) / (time.perf_counter() - began)
+
+
+def main() -> None:
+    """Print all figures, with the ratios of the two servers."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--network", default="nvidia", choices=NETWORKS)
+    parser.add_argument("--steers", type=int, default=10_000)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--port", type=int, default=4599)
+    options = parser.parse_args()
+    content = telemetry(made_up_image())
+    message = "42" + json.dumps(["telemetry", content])
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        save_model(folder / "model.pt", Model(options.network, build_network(options.network, 0), {}, {}, {}))
+        in_process(load_model(folder / "model.pt"), content, 500)
+        servers = {
+            "drive.py": [sys.executable, str(ROOT / "drive.py"), "model.pt", "--port", str(options.port)],
+            "original": [sys.executable, str(ROOT / "benchmarks" / "original_drive.py"), "model.pt", str(options.port)],
+        }
+        for pause, title in ((0.0, "no pause"), (1 / 60, "60 rendered frames/s")):
+            steers = options.steers if pause == 0 else options.steers // 10
+            rates: dict[str, list[float]] = {}
+            for _ in range(options.rounds):
+                for server, command in servers.items():
+                    with serving(command, options.port, folder):
+                        seconds, rate = on_the_wire(options.port, message, steers // options.rounds, pause)
+                    rates.setdefault(server, []).append(rate)
+                    print(f"{title}, {server}: {len(seconds)} steers, {rate:.0f} answers/s, "
+                          f"p50 {percentile(seconds, 50):.2f} ms, p99 {percentile(seconds, 99):.2f} ms", flush=True)
+            ratio = np.median(rates["drive.py"]) / np.median(rates["original"])
+            print(f"{title}: drive.py answers {ratio:.2f} times as often", flush=True)
+
+
+if __name__ == "__main__":
+    main()
