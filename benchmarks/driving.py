@@ -85,7 +85,8 @@ def in_process(model: Model, message: dict[str, str], repeats: int) -> None:
             for _ in range(30):
                 steer(message)
             seconds = [timed(steer, message) for _ in range(repeats)]
-            print(f"{name:32s} p50 {percentile(seconds, 50):6.2f} ms, p99 {percentile(seconds, 99):6.2f} ms", flush=True)
+            p50, p99 = percentile(seconds, 50), percentile(seconds, 99)
+            print(f"{name:32s} p50 {p50:6.2f} ms, p99 {p99:6.2f} ms", flush=True)
 
 
 def timed(steer: Steer, message: dict[str, str]) -> float:

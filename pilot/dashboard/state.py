@@ -9,7 +9,7 @@ from pilot.autopilot import Answer, Autopilot
 
 WAITING_AFTER = 2.0  # s without telemetry
 RATE_SECONDS = 2.0  # frames a second and milliseconds are taken over this
-SAMPLE_SECONDS = 0.1  # between two points of the strip chart
+SAMPLE_SECONDS = 0.095  # between two points of the strip chart: a little under a tenth, for clocks that jitter
 MINUTE = 600  # points
 
 

@@ -2,6 +2,7 @@
 // Shows the stream of /events; sends a new set speed to /speed.
 
 const MINUTE = 60; // seconds in the chart
+const TOP = 34; // mph at the chart's upper edge
 const FULL_LOCK = 25; // degrees at steering 1
 const WHEEL_TURN = 4; // the drawn wheel turns this much more than the car's wheels
 const STATES = { waiting: "waiting for the simulator", driving: "driving", manual: "manual driving" };
@@ -54,10 +55,15 @@ function draw(now) {
     samples.forEach((sample, index) => pen[index ? "lineTo" : "moveTo"](column(sample), row(sample)));
     pen.stroke();
   };
-  pen.strokeStyle = style.getPropertyValue("--line");
-  pen.strokeRect(0, height / 2, width, 0);
-  line("--set", (sample) => height * (1 - sample.set_speed / 32));
-  line("--speed", (sample) => height * (1 - sample.speed / 32));
+  const speedRow = (mph) => height * (1 - mph / TOP);
+  pen.strokeStyle = pen.fillStyle = style.getPropertyValue("--line");
+  pen.font = "16px system-ui, sans-serif";
+  for (const mph of [10, 20, 30]) {
+    pen.strokeRect(0, speedRow(mph), width, 0);
+    pen.fillText(`${mph} mph`, 4, speedRow(mph) - 4);
+  }
+  line("--set", (sample) => speedRow(sample.set_speed));
+  line("--speed", (sample) => speedRow(sample.speed));
   line("--steer", (sample) => height * (0.5 + sample.steering / 2));
 }
 
