@@ -36,7 +36,7 @@ SPEED = 9.0  # m/s
 
 def curvature_at(distance: float) -> float:
     """The road's curvature (1/m) along it."""
-    return 0.012 * np.sin(distance / 25) + 0.008 * np.sin(distance / 11)
+    return float(0.012 * np.sin(distance / 25) + 0.008 * np.sin(distance / 11))
 
 
 def road_frame(distance: float, offset: float, heading: float, rng: np.random.Generator) -> Frame:

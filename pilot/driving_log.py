@@ -170,9 +170,12 @@ def _without_bad_images(
     """Drop rows whose centre picture cannot be decoded, and side pictures that cannot."""
     paths = [path for camera in CAMERAS for path in rows[camera] if path]
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        checked = threads.map(image_fault, paths)
-        faults = [fault for _, fault in zip(progress(paths, len(paths)) if progress else paths, checked, strict=False)]
-    bad = {path: fault for path, fault in zip(paths, faults, strict=True) if fault}
+        try:
+            shown = progress(paths, len(paths)) if progress else paths
+            checked = zip(shown, threads.map(image_fault, paths), strict=False)
+            bad = {path: fault for path, fault in checked if fault}
+        finally:  # Ctrl-C: don't read the rest
+            threads.shutdown(cancel_futures=True)
     for camera in CAMERAS:
         damaged = rows[rows[camera].isin(list(bad))]
         what = "" if camera == "center" else "side "

@@ -20,6 +20,7 @@ from pilot.log_format import CAMERAS
 Floats = NDArray[np.float64]
 Generator = np.random.Generator
 
+SHORTEST_BLOCK = 0.1  # seconds; blocks of a short recording are shortened until there are enough to choose from
 LONGEST_GAP = 1.0  # seconds; rows further apart than this are not of one drive
 SPIKE_FACTOR = 0.85  # seed 004: no spike above this share of the largest ordinary value's count
 SPIKE_WIDTH = 0.01  # steering values closer than this count as one value
@@ -105,15 +106,16 @@ def split_rows(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.
         validating = _validation_blocks(rows, config, rng)
     if len(rows) == 0 or validating.all() or not validating.any():
         raise ValueError(
-            f"{len(rows)} moments faster than {config.min_speed} mph are too few to keep a validation set apart; "
-            f"record more laps, or try --samples.block-seconds {config.block_seconds / 10:g}"
+            f"{len(rows)} moments faster than {config.min_speed} mph are too few to keep a validation set apart: "
+            "record more laps"
         )
     return validating
 
 
 def _validation_blocks(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.Series[bool]":
-    blocks = block_numbers(rows, config.block_seconds)
     handful = max(round(1 / config.validation_share), 2)
+    driven = rows.groupby(_drive_numbers(rows))["time"].agg(lambda time: time.max() - time.min()).sum()
+    blocks = block_numbers(rows, min(config.block_seconds, max(driven, SHORTEST_BLOCK) / handful))
     chosen = []
     for _, numbers in blocks.groupby(rows["recording"]):
         unique = numbers.unique()

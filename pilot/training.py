@@ -150,8 +150,16 @@ class Training:
     # Validation
 
     def validate(self) -> Agreement:
-        """Compare the network, as it is now, with the driver on the validation samples."""
-        return agreement(self.predict(self.validation), self.validation["recorded"], self.training_mean)
+        """Compare the network, as it is now, with the driver on the validation samples.
+
+        Raises:
+            ValueError: the training has diverged.
+        """
+        predicted = self.predict(self.validation)
+        if not np.isfinite(predicted).all():
+            raise ValueError(f"the training diverged in epoch {self.epoch + 1}: its steering is no number any more. "
+                             f"Try a smaller --learning-rate than {self.config.learning_rate:g}")
+        return agreement(predicted, self.validation["recorded"], self.training_mean)
 
     def predict(self, samples: pd.DataFrame) -> NDArray[np.float64]:
         """Steering (n) for samples, never augmented; 0 where a picture has become unreadable."""

@@ -171,4 +171,10 @@ def test_same_seed_same_samples() -> None:
 
 def test_too_few_rows_for_two_sets_is_an_error() -> None:
     with pytest.raises(ValueError, match="too few to keep a validation set apart"):
-        samples_of(drive(3))
+        samples_of(drive(1))
+
+
+def test_a_short_recording_is_split_into_shorter_blocks() -> None:
+    training, validation = samples_of(drive(12))
+    assert 1 <= len(validation) <= 5
+    assert training["moment"].nunique() + len(validation) == 12

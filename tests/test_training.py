@@ -138,6 +138,11 @@ def test_an_unreadable_picture_does_not_end_the_training(samples: tuple[pd.DataF
     assert len(training.loader.unreadable) == 1
 
 
+def test_a_training_that_diverges_says_so(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    with pytest.raises(ValueError, match="diverged in epoch 1.*smaller --learning-rate than 1e"):
+        trained(samples, replace(CONFIG, learning_rate=1e30))
+
+
 def test_huber_counts_large_errors_less(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
     training = Training(replace(CONFIG, loss="huber", huber_delta=0.1), *samples)
     small, large = training._losses(torch.tensor([0.01, 1.0]), torch.zeros(2)).tolist()
@@ -146,7 +151,7 @@ def test_huber_counts_large_errors_less(samples: tuple[pd.DataFrame, pd.DataFram
 
 
 def test_learning_rate_schedules() -> None:
-    assert learning_rate(CONFIG, 2) == CONFIG.learning_rate
+    assert learning_rate(replace(CONFIG, schedule="constant"), 2) == CONFIG.learning_rate
     cosine = replace(CONFIG, schedule="cosine", epochs=10)
     rates = [learning_rate(cosine, epoch) for epoch in range(10)]
     assert rates[0] == CONFIG.learning_rate
