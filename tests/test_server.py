@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from wire import WireClient, drive, jpeg, telemetry
 
 from pilot.checkpoint import Model, save_model
+from pilot.driving_log import read_driving_logs
 from pilot.networks import build_network
 
 IMAGE = jpeg(picture(0.2))
@@ -41,7 +42,11 @@ class Server:
         self.log = (folder / "drive.log").open("w+")
         command = [sys.executable, "-u", str(REPOSITORY / "drive.py"), "model.pt", *arguments, "--port", str(self.port)]
         self.process = subprocess.Popen(command, cwd=folder, stdout=self.log, stderr=subprocess.STDOUT)
-        self.wait_for("is ready")
+        try:
+            self.wait_for("is ready")
+        except AssertionError:
+            self.stop(signal.SIGKILL)
+            raise
 
     def client(self) -> WireClient:
         client = WireClient(self.port)
@@ -182,6 +187,49 @@ def test_a_connection_that_breaks_off_in_a_message_harms_nobody(server: Server) 
     broken.socket.close()
     with server.free_client() as client:
         assert steers(client, telemetry(IMAGE))[0] == "steer"
+
+
+def test_a_drive_is_recorded_and_makes_a_clip(tmp_path: Path) -> None:
+    server = Server(tmp_path, "run1", "--speed", "15")
+    with server.client() as client:
+        drive(client, MESSAGE, 40)
+    assert server.stop() == 0
+    assert "python video.py run1" in server.text()
+    rows = read_driving_logs([tmp_path / "run1"]).rows
+    assert 30 <= len(rows) <= 42  # frames within one millisecond share a name
+    assert rows["speed"].iloc[0] == pytest.approx(12.3456)
+    clip = subprocess.run([sys.executable, str(REPOSITORY / "video.py"), "run1"], cwd=tmp_path, timeout=60)
+    assert clip.returncode == 0
+    assert (tmp_path / "run1.mp4").stat().st_size > 1000
+    command = [sys.executable, str(REPOSITORY / "drive.py"), "model.pt", "run1", "--port", str(free_port())]
+    again = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert again.returncode == 1
+    assert "add --overwrite" in again.stderr
+    assert len(read_driving_logs([tmp_path / "run1"]).rows) == len(rows)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [(["absent.pt"], "absent.pt: no such file"), (["text.pt"], "damaged"), (["model.pt", "--speed", "99"], "99: must")],
+)
+def test_what_cannot_drive_is_refused(server: Server, arguments: list[str], says: str) -> None:
+    (server.folder / "text.pt").write_text("no model")
+    result = subprocess.run([sys.executable, str(REPOSITORY / "drive.py"), *arguments], cwd=server.folder,
+                            capture_output=True, text=True, timeout=60)
+    assert result.returncode == 1
+    assert says in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.filterwarnings("ignore")  # eventlet says at its import that it is in maintenance only
+def test_other_package_versions_are_refused_with_the_cure(monkeypatch: pytest.MonkeyPatch) -> None:
+    from pilot import server
+
+    server.check_versions()
+    monkeypatch.setattr(server.metadata, "version", {"python-socketio": "4.6.1", "python-engineio": "3.14.2"}.get)
+    cure = "python-engineio 3.14.2: .* pip install .*python-engineio==3.13.2"
+    with pytest.raises(server.WrongVersionError, match=cure):
+        server.check_versions()
 
 
 # Hostile messages
