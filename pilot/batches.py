@@ -1,4 +1,4 @@
-"""Samples → batches of frames, read, decoded and augmented by threads while the network works.
+"""Samples → batches of frames, read, decoded and augmented by a thread for each core.
 
 The order of an epoch and every random draw follow from (seed, epoch, sample) alone: not from the
 number of threads or processes, nor from where an interrupted epoch is taken up again.
@@ -18,9 +18,7 @@ from torch import Tensor
 
 from pilot.augment import AugmentConfig, View, flip, random_light, random_view, render, rotate
 from pilot.camera import COLUMNS, ROWS
-from pilot.frames import Frame, UnreadableImage, read_frame
-
-BATCHES_AHEAD = 2
+from pilot.frames import Frame, FrameCache, UnreadableImage
 
 
 @dataclass(frozen=True)
@@ -46,15 +44,22 @@ class BatchLoader:
     """Batches of a set of samples, for one of `world` processes (its share of every batch)."""
 
     def __init__(self, samples: pd.DataFrame, rows: tuple[int, int], batch_size: int, *,
-                 augment: AugmentConfig | None = None, seed: int = 0, rank: int = 0, world: int = 1) -> None:
-        """Prepare for `samples`; without `augment` frames come as recorded, in the samples' order."""
+                 augment: AugmentConfig | None = None, seed: int = 0, rank: int = 0, world: int = 1,
+                 ahead: int = 0) -> None:
+        """Prepare for `samples`; without `augment` frames come as recorded, in the samples' order.
+
+        Args:
+            ahead: batches prepared while the network works on another. For a GPU; on a CPU the threads
+                would fight the network's for the cores, which costs more than it gains.
+        """
         self.images = samples["image"].tolist()
         self.steering = samples["steering"].to_numpy(np.float32)
         self.weight = samples["weight"].to_numpy(np.float32)
         self.flip = samples["flip"].tolist()
         self.rotation = samples["rotation"].tolist()
         self.rows, self.batch_size, self.augment, self.seed = rows, batch_size, augment, seed
-        self.rank, self.world = rank, world
+        self.rank, self.world, self.ahead = rank, world, ahead
+        self.cache = FrameCache()
         self.unreadable: set[str] = set()
         self._threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
@@ -67,7 +72,7 @@ class BatchLoader:
             try:
                 for start in starts:
                     ahead.append(self._begin(pool, order[start : start + self.batch_size], epoch))
-                    if len(ahead) > BATCHES_AHEAD:
+                    if len(ahead) > self.ahead:
                         yield self._finish(ahead.popleft())
                 while ahead:
                     yield self._finish(ahead.popleft())
@@ -99,7 +104,7 @@ class BatchLoader:
 
     def _sample(self, index: int, epoch: int) -> tuple[Frame, float]:
         """One sample's rows and label, as recorded or augmented."""
-        frame = read_frame(self.images[index])
+        frame = self.cache.read(self.images[index])
         view = View(float(self.steering[index]))
         if self.rotation[index]:
             view = rotate(view, self.rotation[index])

@@ -210,6 +210,7 @@ class Training:
         return BatchLoader(
             samples, self.network.rows, self.config.batch_size, augment=self.config.augment if augment else None,
             seed=self.config.seed, rank=self.processes.rank, world=self.processes.world,
+            ahead=0 if self.device.type == "cpu" else 2,
         )
 
     def _parallel(self) -> nn.Module:
