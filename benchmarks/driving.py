@@ -35,7 +35,7 @@ from pilot.driver import Driver
 from pilot.networks import NETWORKS, build_network
 from pilot.telemetry import parse_telemetry
 
-LONGEST = 30.0  # seconds of one drive
+LONGEST = 60.0  # seconds of one drive
 Steer = Callable[[dict[str, str]], float]
 
 
