@@ -41,8 +41,9 @@ class TrainingConfig:
     """For loss=huber: error (-1..1) from which it counts linearly."""
     l2: float = 1e-4
     """This times the sum of squares of all weights and biases is added to the loss."""
-    patience: int = 5
-    """Stop after this many epochs without a better validation error; the best epoch is kept."""
+    patience: int = 10
+    """Stop after this many epochs without a better validation error; the best epoch is kept. Long by default: with
+    a falling learning rate the error settles only in the last epochs."""
     min_delta: float = 1e-5
     """How much smaller the validation error must be to count as better."""
     seed: int = 0
