@@ -28,10 +28,11 @@ from PIL import Image
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-from wire import WireClient, jpeg, telemetry
+from wire import WireClient, telemetry
 
 from pilot.checkpoint import Model, load_model, save_model
 from pilot.driver import Driver
+from pilot.frames import encode_frame
 from pilot.networks import NETWORKS, build_network
 from pilot.telemetry import parse_telemetry
 
@@ -44,7 +45,7 @@ def made_up_image() -> bytes:
     rng = np.random.default_rng(0)
     coarse = Image.fromarray(rng.integers(60, 200, (20, 40, 3), dtype=np.uint8)).resize((320, 160))
     noise = rng.integers(-9, 10, (160, 320, 1))
-    image: bytes = jpeg((np.asarray(coarse).astype(int) + noise).clip(0, 255).astype(np.uint8))
+    image: bytes = encode_frame((np.asarray(coarse).astype(int) + noise).clip(0, 255).astype(np.uint8))
     return image
 
 

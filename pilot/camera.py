@@ -39,7 +39,7 @@ def ground_to_pixel() -> Matrix:
     """Homography (3x3) from road coordinates (x right, z forward of the camera, 1) to pixels (u, v, 1)."""
     intrinsics = np.array([[FOCAL_LENGTH, 0, COLUMNS / 2], [0, FOCAL_LENGTH, ROWS / 2], [0, 0, 1]])
     road_in_camera = np.array([[1, 0, 0], [0, 0, HEIGHT], [0, 1, 0]])  # camera axes: y points down
-    return np.asarray(intrinsics @ _camera_rotation() @ road_in_camera)
+    return np.asarray(intrinsics @ camera_rotation() @ road_in_camera)
 
 
 def viewpoint_homography(offset: float, heading: float) -> Matrix:
@@ -75,7 +75,7 @@ def path_pixels(steering: float, length: float = 25.0, lateral: float = 0.0) -> 
     return np.asarray((pixels[:2, ahead] / pixels[2, ahead]).T)
 
 
-def _camera_rotation() -> Matrix:
+def camera_rotation() -> Matrix:
     """Rotation (3x3) from level axes (x right, y down, z forward) to the tilted camera's."""
     pitch = _rotation(0, PITCH)
     yaw = _rotation(1, -YAW)

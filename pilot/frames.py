@@ -103,3 +103,9 @@ def image_fault(path: Path | str) -> str | None:
     except UnreadableImage as error:
         return error.reason
     return None
+
+
+def encode_frame(frame: Frame) -> bytes:
+    """A 160x320x3 uint8 RGB frame as the JPEG that the simulator sends and records (quality 75, Unity's own)."""
+    blue_first = np.ascontiguousarray(frame[:, :, ::-1])
+    return cv2.imencode(".jpg", blue_first, [cv2.IMWRITE_JPEG_QUALITY, 75])[1].tobytes()

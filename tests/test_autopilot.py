@@ -2,14 +2,14 @@ import logging
 
 import pytest
 from conftest import picture
-from wire import jpeg, telemetry
+from wire import telemetry
 
 from pilot.autopilot import Autopilot
 from pilot.controller import SpeedConfig
 from pilot.dashboard.state import DriveState
-from pilot.frames import Frame
+from pilot.frames import Frame, encode_frame
 
-GOOD = telemetry(jpeg(picture(0)), speed="10")
+GOOD = telemetry(encode_frame(picture(0)), speed="10")
 
 
 class Clock:

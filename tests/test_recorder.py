@@ -5,14 +5,15 @@ from pathlib import Path
 
 import pytest
 from conftest import picture
-from wire import jpeg, telemetry
+from wire import telemetry
 
 from pilot.autopilot import Answer
 from pilot.driving_log import read_driving_logs
+from pilot.frames import encode_frame
 from pilot.recorder import FolderInUseError, Recorder
 from pilot.telemetry import parse_telemetry
 
-IMAGE = jpeg(picture(0.1))
+IMAGE = encode_frame(picture(0.1))
 
 
 def answer(steering: float = 0.25, throttle: float = 0.5) -> Answer:

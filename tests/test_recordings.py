@@ -9,6 +9,7 @@ import pytest
 from pilot import camera
 from pilot.driving_log import read_driving_logs
 from pilot.frames import read_frame
+from pilot.simulator.simulator import Simulator
 
 
 @pytest.fixture
@@ -45,3 +46,42 @@ def test_the_viewpoint_warp_makes_a_side_cameras_picture(recordings: Path, side:
         errors.append([np.abs(picture - aside)[road].mean() for picture in (centre, warped)])
     unwarped, warped = np.mean(errors, axis=0)
     assert warped < 0.55 * unwarped
+
+
+def line_rows(frame: np.ndarray) -> tuple[float, float] | None:
+    """The rows at which the yellow lines meet the frame's left and right border; None if one is not seen."""
+    rows = []
+    for columns in (slice(0, 5), slice(315, 320)):
+        strip = frame[80:136, columns].astype(float).mean(1)
+        yellow = (strip[:, 0] + strip[:, 1]) / 2 - strip[:, 2]
+        ridge = [yellow[row] - max(yellow[row - 5 : row - 2].max(), yellow[row + 3 : row + 6].max())
+                 for row in range(5, 51)]
+        if max(ridge) < 20:
+            return None
+        rows.append(80 + 5 + float(np.argmax(ridge)))
+    return rows[0], rows[1]
+
+
+def offset_in(rows: tuple[float, float]) -> float:
+    """Metres that the middle between the lines lies to the right of the camera."""
+    to_ground = np.linalg.inv(camera.ground_to_pixel())
+    left, right = (to_ground @ (column, row, 1) for column, row in zip((2, 317), rows, strict=True))
+    return float(left[0] / left[2] + right[0] / right[2]) / 2
+
+
+def test_the_built_in_lakes_lines_meet_the_border_where_the_real_ones_do(recordings: Path) -> None:
+    rows = read_driving_logs([recordings / "lake"]).rows
+    straight = rows["steering"].abs().rolling(15, center=True).max() < 0.03
+    real = [found for path in rows["center"][straight] if (found := line_rows(read_frame(path)))]
+    with Simulator() as simulator:
+        simulator.reset("lake")
+        bend = np.abs(simulator.drive.track.curvatures)
+        start = float(np.stack([np.roll(bend, -ahead) for ahead in range(60)]).max(0).argmin()) / 2
+        differences = []
+        for found in real:
+            simulator.drive.place(start, -offset_in(found))
+            rendered = line_rows(simulator.look()["center"])
+            if rendered:
+                differences.append(np.subtract(rendered, found))
+    assert len(differences) > 100
+    assert np.abs(differences).mean() < 3

@@ -17,13 +17,14 @@ import pytest
 from conftest import REPOSITORY, picture
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from wire import WireClient, drive, jpeg, telemetry
+from wire import WireClient, drive, telemetry
 
 from pilot.checkpoint import Model, save_model
 from pilot.driving_log import read_driving_logs
+from pilot.frames import encode_frame
 from pilot.networks import build_network
 
-IMAGE = jpeg(picture(0.2))
+IMAGE = encode_frame(picture(0.2))
 MESSAGE = "42" + json.dumps(["telemetry", telemetry(IMAGE)])
 
 

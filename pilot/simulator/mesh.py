@@ -1,0 +1,37 @@
+"""Quads as arrays: the form in which land, road and trees go to the renderer."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pilot.simulator.track import Array
+
+CHUNK = 64.0  # metres, what is drawn or left out as a whole
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Quads with one texture.
+
+    Attributes:
+        texture: name of a surface or plant.
+        corners: n x 4 x 3, metres, counter-clockwise as seen from where it is visible.
+        colours: n x 4 x 3, RGB 0..255, which the texture is multiplied with.
+        texels: n x 4 x 2, texture coordinates, in tiles.
+    """
+
+    texture: str
+    corners: Array
+    colours: Array
+    texels: Array
+
+    def chunks(self) -> list["Mesh"]:
+        """The mesh in pieces of at most 64 m x 64 m, so that what is out of sight need not be drawn."""
+        squares = np.floor(self.corners[:, :, :2].mean(1) / CHUNK).astype(int)
+        names, piece = np.unique(squares, axis=0, return_inverse=True)
+        return [self.take(np.flatnonzero(piece.ravel() == number)) for number in range(len(names))]
+
+    def take(self, quads: NDArray[np.intp]) -> "Mesh":
+        """Some of the quads."""
+        return Mesh(self.texture, self.corners[quads], self.colours[quads], self.texels[quads])

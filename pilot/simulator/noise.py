@@ -1,0 +1,27 @@
+"""Smooth random fields, for land and textures."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+
+def smooth_noise(random: np.random.Generator, rows: int, columns: int, cells: int,
+                 octaves: int = 4) -> NDArray[np.float64]:
+    """A random field of about -1..1 (rows x columns) that goes on at its opposite border.
+
+    Args:
+        random: generator of it.
+        rows, columns: size.
+        cells: hills along the longer side, in the coarsest octave.
+        octaves: each has half the size and half the height of the one before.
+    """
+    field = np.zeros((rows, columns))
+    for octave in range(octaves):
+        down = max(cells * 2**octave * rows // max(rows, columns), 1)
+        across = max(cells * 2**octave * columns // max(rows, columns), 1)
+        coarse = np.pad(random.uniform(-1, 1, (down, across)), 2, mode="wrap")
+        map_y = (np.arange(rows, dtype=np.float32) + 0.5) * down / rows + 1.5
+        map_x = (np.arange(columns, dtype=np.float32) + 0.5) * across / columns + 1.5
+        grid_x, grid_y = np.meshgrid(map_x, map_y)
+        field += 0.5**octave * cv2.remap(coarse.astype(np.float32), grid_x, grid_y, cv2.INTER_CUBIC)
+    return field

@@ -1,0 +1,81 @@
+"""Have the expert drive a course and record it: course → recording."""
+
+import functools
+import multiprocessing
+import os
+import shutil
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from pilot.log_format import CAMERAS, LOG_NAME
+from pilot.simulator.catalogue import REVERSED
+from pilot.simulator.recording import Demonstration, RecordingWriter, demonstrate
+from pilot.simulator.simulator import Simulator
+
+Progress = Callable[[float], None]
+
+# The demonstration that stands in for a person's laps: a bit of everything, both ways round.
+NAMED_PLAN = Demonstration(laps=1, recoveries=30, rate=2.0, wander=0.3)
+RANDOM_PLAN = Demonstration(laps=1, recoveries=15, rate=1.5, wander=0.3)
+DEMONSTRATIONS: dict[str, Demonstration] = {
+    **{name + way: NAMED_PLAN for name in ("lake", "jungle", "mountain") for way in ("", REVERSED)},
+    **{f"random:{seed}": RANDOM_PLAN for seed in range(1000, 1010)},
+}
+
+
+def record(track: str, plan: Demonstration, folder: Path, *, light: str | None = None, listed_as: Path | None = None,
+           on_progress: Progress = lambda _: None) -> int:
+    """Record the expert on a track (lake, jungle, mountain, random:SEED, with " reversed" behind for the other way).
+
+    Returns:
+        rows written.
+
+    Raises:
+        ValueError: there is no such track or light, or the plan makes no sense.
+        OSError: the folder cannot be written to.
+    """
+    plan.check()
+    with Simulator(CAMERAS) as simulator:
+        simulator.reset(track, light=light)
+        with RecordingWriter(folder, listed_as) as writer:
+            drive = simulator.drive
+            for moment in demonstrate(drive, plan):
+                writer.write(simulator.look(), drive.state.time, moment.command, drive.state.speed)
+                on_progress(moment.done)
+            return writer.rows
+
+
+def missing_demonstrations(folder: Path) -> list[str]:
+    """The tracks of the demonstration that are not in a folder yet."""
+    return [track for track in DEMONSTRATIONS if not (folder / _name(track) / LOG_NAME).exists()]
+
+
+def record_demonstrations(folder: Path, tracks: Sequence[str]) -> Iterator[str]:
+    """Record tracks of the demonstration into a folder, as many at once as there are cores; yields those done.
+
+    Each is there as a whole or not at all, whatever interrupts it.
+
+    Raises:
+        OSError: the folder cannot be written to.
+    """
+    # spawned, not forked: the renderer and torch keep threads
+    with multiprocessing.get_context("spawn").Pool(min(len(tracks), os.cpu_count() or 1), _ignore_ctrl_c) as pool:
+        yield from pool.imap_unordered(functools.partial(_record_whole, folder), tracks)
+
+
+def _ignore_ctrl_c() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
+
+
+def _record_whole(folder: Path, track: str) -> str:
+    final, unfinished = folder / _name(track), folder / f".{_name(track)}.part"
+    shutil.rmtree(unfinished, ignore_errors=True)
+    record(track, DEMONSTRATIONS[track], unfinished, listed_as=final)
+    shutil.rmtree(final, ignore_errors=True)  # without a log: of no use
+    unfinished.rename(final)
+    return track
+
+
+def _name(track: str) -> str:
+    return track.replace(":", "-").replace(" ", "-")

@@ -1,0 +1,170 @@
+"""Recordings as the real simulator writes them: laps, and the way back from where one should not be."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from pilot.frames import Frame, encode_frame
+from pilot.log_format import CAMERAS, LOG_NAME
+from pilot.simulator.car import MPH, TICK
+from pilot.simulator.drive import Drive
+from pilot.simulator.expert import Expert
+from pilot.simulator.track import HALF_TRACK
+
+LONGEST_RECOVERY = 2.5  # s
+METRES_OF_A_RECOVERY = 20.0  # about, for the progress bar
+ASKEW = math.radians(6.0)  # typical heading error that is recovered from
+RECOVERED = (0.15, math.radians(1.0))  # metres and radians, when the car is back
+
+
+class RecordingWriter:
+    """Appends to a recording: pictures of three cameras and lines of driving_log.csv.
+
+    Attributes:
+        rows: lines written so far.
+    """
+
+    def __init__(self, folder: Path, listed_as: Path | None = None) -> None:
+        """Open the recording; one that is already there goes on.
+
+        Args:
+            folder: it lies in; made if need be.
+            listed_as: folder that the log names as the pictures' place, where this one is to be moved there.
+
+        Raises:
+            OSError: the folder cannot be written to.
+        """
+        self.folder, self.listed_as = folder, (listed_as or folder).resolve()
+        self.start = datetime.now()
+        self.rows = 0
+        (self.folder / "IMG").mkdir(parents=True, exist_ok=True)
+        self._log = (self.folder / LOG_NAME).open("a", encoding="utf-8", newline="")
+
+    def write(self, frames: dict[str, Frame], seconds: float, command: tuple[float, float], speed: float) -> None:
+        """Add a moment.
+
+        Args:
+            frames: of the three cameras, 160x320x3 uint8 RGB.
+            seconds: since the start.
+            command: steering and throttle, -1..1 each; a negative throttle is written as brake.
+            speed: mph.
+        """
+        moment = self.start + timedelta(seconds=seconds)
+        stamp = f"{moment:%Y_%m_%d_%H_%M_%S}_{moment.microsecond // 1000:03d}"
+        names = [f"{camera}_{stamp}.jpg" for camera in CAMERAS]
+        for camera, name in zip(CAMERAS, names, strict=True):
+            (self.folder / "IMG" / name).write_bytes(encode_frame(frames[camera]))
+        steering, throttle = command
+        values = (steering, max(throttle, 0.0), max(-throttle, 0.0), abs(speed))
+        listed = [str(self.listed_as / "IMG" / name) for name in names]
+        self._log.write(",".join([*listed, *(f"{value:.7g}" for value in values)]) + "\n")
+        self.rows += 1
+
+    def __enter__(self) -> "RecordingWriter":
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self._log.close()
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """How the expert drives while it is recorded.
+
+    Attributes:
+        laps: that are recorded as they are driven.
+        recoveries: per lap that follow: the car is put beside its lane or askew, and only the way back is
+            recorded (NVIDIA, arXiv 1604.07316: shift and rotation; DART, arXiv 1703.09327: disturbances).
+        rate: rows a second.
+        speed: mph, where the road allows it.
+        wander: metres, that a person typically strays from the middle of the lane.
+        seed: of everything random.
+    """
+
+    laps: float = 1.0
+    recoveries: int = 0
+    rate: float = 15.0
+    speed: float = 30.0
+    wander: float = 0.0
+    seed: int = 0
+
+    def check(self) -> None:
+        """Refuse what cannot be driven.
+
+        Raises:
+            ValueError: an option's value makes no sense.
+        """
+        for name, least, most in (("laps", 0, 1000), ("recoveries", 0, 10000), ("rate", 0.1, 1 / TICK),
+                                  ("speed", 1, 30), ("wander", 0, 3)):
+            if not least <= getattr(self, name) <= most:
+                raise ValueError(f"{name} {getattr(self, name):g}: takes {least:g} to {most:g}")
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What is to be recorded.
+
+    Attributes:
+        command: steering and throttle, -1..1 each, that the expert gives at what the cameras see now.
+        done: share of the demonstration that has been driven, 0..1.
+    """
+
+    command: tuple[float, float]
+    done: float
+
+
+def demonstrate(drive: Drive, plan: Demonstration) -> Iterator[Moment]:
+    """Drive as planned; stops at each moment that is to be recorded, before its command is carried out."""
+    lap_share = plan.laps / (plan.laps + plan.recoveries * METRES_OF_A_RECOVERY / drive.track.length or 1)
+    for command in _laps(drive, plan):
+        yield Moment(command, lap_share * drive.laps / plan.laps)
+    for number in range(plan.recoveries):
+        _displace(drive, number, plan)
+        for command in _way_back(drive, plan):
+            yield Moment(command, lap_share + (1 - lap_share) * number / plan.recoveries)
+
+
+def _laps(drive: Drive, plan: Demonstration) -> Iterator[tuple[float, float]]:
+    expert = Expert(drive, plan.speed, plan.wander, plan.seed)
+    first = drive.ticks
+    while drive.laps < plan.laps:
+        command = expert.command()
+        if _due(drive.ticks - first, plan.rate):
+            yield command
+        drive.advance(*command)
+
+
+def _way_back(drive: Drive, plan: Demonstration) -> Iterator[tuple[float, float]]:
+    expert = Expert(drive, plan.speed)
+    first = drive.ticks
+    while not _recovered(drive) and (drive.ticks - first) * TICK < LONGEST_RECOVERY:
+        command = expert.command()
+        if _due(drive.ticks - first, plan.rate):
+            yield command
+        drive.advance(*command)
+
+
+def _displace(drive: Drive, number: int, plan: Demonstration) -> None:
+    """Put the car beside its lane and askew, but on the road, as fast as suits it there."""
+    random = np.random.default_rng([plan.seed, number])
+    start = drive.track.length * (number + float(random.uniform())) / plan.recoveries
+    edge = float(drive.track.half_widths.min()) - HALF_TRACK
+    offset, heading = float(random.uniform(-edge, edge)) - drive.track.lane, float(random.normal(0, ASKEW))
+    drive.place(start, offset, heading)
+    fastest = min(Expert(drive, plan.speed).allowed_speed() / MPH, plan.speed)
+    drive.place(start, offset, heading, fastest * float(random.uniform(0.5, 1)))
+
+
+def _recovered(drive: Drive) -> bool:
+    state = drive.state
+    return abs(state.offset) < RECOVERED[0] and abs(state.heading_error) < RECOVERED[1]
+
+
+def _due(tick: int, rate: float) -> bool:
+    """Whether a row is to be written at a tick, at `rate` rows a second."""
+    ticks = round(1 / TICK)
+    return math.floor(tick * rate / ticks) != math.floor((tick - 1) * rate / ticks)

@@ -1,0 +1,158 @@
+"""The built-in simulator: by hand in a window, recorded, or driven by drive.py (see --help)."""
+
+import logging
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NoReturn, TypeVar
+
+import tyro
+from tqdm import tqdm
+
+from pilot.simulator.recording import Demonstration
+
+if TYPE_CHECKING:
+    from pilot.simulator.client import Client
+    from pilot.simulator.simulator import Simulator
+
+Config = TypeVar("Config")
+
+
+@dataclass(frozen=True)
+class RoadConfig:
+    """Where to drive."""
+
+    track: str = "lake"
+    """lake, jungle, mountain, or random:SEED with any number."""
+    reverse: bool = False
+    """The other way round."""
+    light: Literal["noon", "evening", "overcast"] | None = None
+    """Light; without it the track's own."""
+
+    @property
+    def name(self) -> str:
+        """The track with its direction."""
+        return self.track + (" reversed" if self.reverse else "")
+
+
+@dataclass(frozen=True)
+class WindowConfig:
+    """Drive by hand in a window: keys, mouse or gamepad; R records.
+
+    Other commands: simulator.py record --help and simulator.py drive --help.
+    """
+
+    out: Path = Path("data/by_hand")
+    """Where R records to."""
+    road: tyro.conf.OmitArgPrefixes[RoadConfig] = field(default_factory=RoadConfig)
+
+
+@dataclass(frozen=True)
+class RecordConfig:
+    """Have the expert drive, and record it as the real simulator does."""
+
+    out: Path
+    """Where the recording goes; one that is there already goes on."""
+    road: tyro.conf.OmitArgPrefixes[RoadConfig] = field(default_factory=RoadConfig)
+    plan: tyro.conf.OmitArgPrefixes[Demonstration] = field(default_factory=Demonstration)
+
+
+@dataclass(frozen=True)
+class DriveConfig:
+    """Be driven by drive.py, as the real simulator is: start `python drive.py model.pt` before or after."""
+
+    headless: bool = False
+    """Without a window."""
+    fast: bool = False
+    """As fast as it goes instead of in real time, which drive.py's speed controller does not know of; headless only."""
+    laps: float | None = None
+    """End after so many laps; without it Ctrl-C ends."""
+    host: str = "127.0.0.1"
+    """Address of drive.py."""
+    port: int = 4567
+    """Port of drive.py."""
+    road: tyro.conf.OmitArgPrefixes[RoadConfig] = field(default_factory=RoadConfig)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Do as the options say; returns the exit code."""
+    logging.basicConfig(level=logging.ERROR, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    logging.getLogger("pilot").setLevel(logging.INFO)
+    try:
+        if arguments and arguments[0] == "record":
+            return record(parse(RecordConfig, arguments))
+        if arguments and arguments[0] == "drive":
+            return drive(parse(DriveConfig, arguments))
+        return by_hand(tyro.cli(WindowConfig, prog="simulator.py", args=arguments))
+    except KeyboardInterrupt:
+        print("\nInterrupted.", file=sys.stderr)
+        return 130
+    except (ValueError, OSError, RuntimeError) as error:
+        print(f"simulator.py: {error}", file=sys.stderr)
+        return 1
+
+
+def parse(config: Callable[..., Config], arguments: Sequence[str]) -> Config:
+    """The options of a command, which is the first argument."""
+    return tyro.cli(config, prog=f"simulator.py {arguments[0]}", args=arguments[1:])
+
+
+def record(config: RecordConfig) -> int:
+    """Record the expert."""
+    from pilot.simulator.record import record as record_expert
+
+    with tqdm(total=100, desc=config.road.name, unit="%", bar_format="{desc}: {percentage:3.0f}%|{bar}|") as bar:
+        rows = record_expert(config.road.name, config.plan, config.out, light=config.road.light,
+                             on_progress=lambda done: bar.update(round(100 * done) - bar.n))
+    print(f"{rows} moments in {config.out}. To learn from them: python model.py --data {config.out}")
+    return 0
+
+
+def by_hand(config: WindowConfig) -> int:
+    """Open the window."""
+    from pilot.simulator.window import drive_by_hand
+
+    drive_by_hand(config.road.name, config.road.light, config.out)
+    return 0
+
+
+def drive(config: DriveConfig) -> int:
+    """Be driven, in a window or without."""
+    from pilot.simulator.client import Client
+    from pilot.simulator.simulator import Simulator
+
+    if config.fast and not config.headless:
+        raise ValueError("--fast: a window shows real time; add --headless")
+    with Simulator() as simulator, tqdm(total=config.laps, unit=" laps", disable=config.laps is None) as bar:
+        simulator.reset(config.road.name, light=config.road.light)
+        client = Client(simulator.drive, lambda _: simulator.look()["center"], host=config.host, port=config.port,
+                        realtime=not config.fast, laps=config.laps,
+                        on_tick=lambda _: show_laps(bar, simulator.drive.laps))
+        if config.headless:
+            client.run()
+        else:
+            show(simulator, client, config.road.name)
+    print(f"{config.road.name}: {client.summary}")
+    return 0
+
+
+def show(simulator: "Simulator", client: "Client", title: str) -> None:
+    """Let a window look on."""
+    from pilot.simulator.window import Window
+
+    try:
+        with Window(simulator.drive, simulator.renderer.scene, title=title) as window:
+            window.run(client)
+    finally:
+        client.close()
+
+
+def show_laps(bar: "tqdm[NoReturn]", laps: float) -> None:
+    """Move a bar on, in hundredths of a lap."""
+    if (more := round(laps, 2) - bar.n) >= 0.01:
+        bar.update(round(more, 2))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

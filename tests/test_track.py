@@ -1,0 +1,91 @@
+"""Roads: geometry, well-formedness, and where a car stands on them."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pilot.simulator.catalogue import NAMED, load_course
+from pilot.simulator.track import STEP, TIGHTEST, Track, closed_road, separation
+
+EVERY_NAME = [*NAMED, *(f"random:{seed}" for seed in range(12))]
+
+
+def circle(radius: float = 50.0, half_width: float = 4.0) -> Track:
+    """Driven clockwise: it bends to the right."""
+    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    return closed_road("circle", np.column_stack([radius * np.sin(angles), radius * np.cos(angles), 0 * angles]),
+                       half_width)
+
+
+def test_a_circle_has_its_length_curvature_and_headings() -> None:
+    track = circle()
+    assert track.length == pytest.approx(2 * math.pi * 50, abs=0.6)
+    assert track.curvatures == pytest.approx(1 / 50, rel=0.01)
+    assert track.at(0)[2] == pytest.approx(math.pi / 2, abs=0.01)  # at the top of a clockwise circle: east
+    assert track.reversed().curvatures == pytest.approx(-1 / 50, rel=0.01)
+
+
+@given(st.floats(0, 2000), st.floats(-3.5, 3.5), st.booleans())
+@settings(max_examples=60, deadline=None)
+def test_locate_is_the_inverse_of_at(progress: float, offset: float, backwards: bool) -> None:
+    track = load_course("jungle").track
+    track = track.reversed() if backwards else track
+    x, y, heading = track.at(progress, offset)
+    for near in (None, progress % track.length + 3.0):
+        place = track.locate(x, y, near)
+        assert place.offset == pytest.approx(offset, abs=0.05)
+        around = (place.progress - progress + track.length / 2) % track.length - track.length / 2
+        assert around == pytest.approx(0, abs=0.3)
+        assert math.cos(place.heading - heading) > 0.999
+
+
+def test_the_other_way_round_left_is_right() -> None:
+    track = load_course("lake").track
+    x, y, _ = track.at(200, 2.0)
+    assert track.locate(x, y).offset == pytest.approx(2.0, abs=0.05)
+    assert track.reversed().locate(x, y).offset == pytest.approx(-2.0, abs=0.05)
+    assert track.reversed().name == "lake reversed"
+    assert track.reversed().reversed().name == "lake"
+
+
+@pytest.mark.parametrize("name", EVERY_NAME)
+def test_every_course_is_well_formed(name: str) -> None:
+    track = load_course(name).track
+    assert np.linalg.norm(np.diff(track.points[:, :2], axis=0), axis=1) == pytest.approx(STEP, rel=0.02)
+    assert np.linalg.norm(track.points[0, :2] - track.points[-1, :2]) == pytest.approx(STEP, rel=0.02)
+    assert 1 / np.abs(track.curvatures).max() >= TIGHTEST
+    assert separation(track) > 4 * track.half_widths.max()
+    assert np.abs(np.gradient(track.points[:, 2], STEP)[1:-1]).max() < 0.2  # a car gets up
+    assert track.margins.min() > 1.0
+
+
+def test_random_courses_differ_and_come_again() -> None:
+    again, first, second = (load_course(name) for name in ("random:7", "random:7", "random:8"))
+    assert np.array_equal(again.track.points, first.track.points)
+    assert again.look == first.look
+    assert second.track.length != first.track.length
+    assert second.look != first.look
+
+
+def test_lake_is_as_long_as_the_real_one_and_driven_counter_clockwise() -> None:
+    track = load_course("lake").track
+    assert track.length == pytest.approx(1137, rel=0.01)
+    assert track.headings[-1] - track.headings[0] == pytest.approx(-2 * math.pi, abs=0.1)
+
+
+def test_refuses_what_is_no_road() -> None:
+    eight = np.array([[0, 0, 0], [60, 60, 0], [120, 0, 0], [60, -60, 0], [0, 0, 0], [-60, 60, 0], [-120, 0, 0],
+                      [-60, -60, 0]], float)
+    with pytest.raises(ValueError, match="of itself"):
+        closed_road("eight", eight, 4.0)
+    with pytest.raises(ValueError, match=r"a bend of 8.\d m radius is too tight"):
+        circle(radius=8.5)
+
+
+@pytest.mark.parametrize("name", ["desert", "random", "random:", "random:-1", "random:x", ""])
+def test_says_which_courses_there_are(name: str) -> None:
+    with pytest.raises(ValueError, match="there are lake, jungle, mountain and random:SEED"):
+        load_course(name)
