@@ -13,6 +13,7 @@ from tqdm import tqdm
 from pilot.log_format import LOG_NAME
 from pilot.recipes import RECIPES, TrainingConfig, config_from_plain
 
+BUILT_IN = "built_in"  # folder in data/ for the built-in simulator's recordings
 MAY_CHANGE = {"resume", "epochs", "patience", "min_delta", "tensorboard", "device"}  # in a resumed training
 
 
@@ -58,14 +59,17 @@ def record_if_empty(folder: Path) -> None:
     """
     from pilot.simulator.record import missing_demonstrations, record_demonstrations  # takes a while to import
 
-    built_in = folder / "built_in"
-    if any(built_in not in log.parents for log in folder.rglob(LOG_NAME)):
-        return
-    if missing := missing_demonstrations(built_in):
+    built_in = folder / BUILT_IN
+    if not has_own_recordings(folder) and (missing := missing_demonstrations(built_in)):
         print(f"There are no recordings in {folder}{os.sep}: the built-in simulator records demonstration laps, normal "
               f"ones and recoveries, both ways round, into {built_in}{os.sep}", flush=True)
         for _ in tqdm(record_demonstrations(built_in, missing), "recording", len(missing), unit=" tracks"):
             pass
+
+
+def has_own_recordings(folder: Path) -> bool:
+    """Whether there are recordings in a folder that the built-in simulator did not put there."""
+    return any(folder / BUILT_IN not in log.parents for log in folder.rglob(LOG_NAME))
 
 
 # Options
@@ -78,15 +82,18 @@ def parse_options(arguments: Sequence[str]) -> TrainingConfig:
         ValueError: an option's value cannot work, or does not fit the training to be resumed.
     """
     early = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    early.add_argument("--recipe", default="default")
+    early.add_argument("--recipe")
+    early.add_argument("--data", action="append")
     early.add_argument("--resume", action="store_true")
     early.add_argument("--out", type=Path, default=TrainingConfig.out)
     first, _ = early.parse_known_args(arguments)
     if first.resume:
         return _resumed_options(arguments, first.out)
-    if first.recipe not in RECIPES:
-        raise ValueError(f"--recipe {first.recipe}: there are {', '.join(RECIPES)}")
-    return tyro.cli(TrainingConfig, prog="model.py", args=arguments, default=RECIPES[first.recipe])
+    own = first.data or has_own_recordings(*TrainingConfig().folders)
+    recipe = first.recipe or ("default" if own else "built-in")
+    if recipe not in RECIPES:
+        raise ValueError(f"--recipe {recipe}: there are {', '.join(RECIPES)}")
+    return tyro.cli(TrainingConfig, prog="model.py", args=arguments, default=RECIPES[recipe])
 
 
 def _resumed_options(arguments: Sequence[str], out: Path) -> TrainingConfig:

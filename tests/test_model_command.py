@@ -118,7 +118,7 @@ def test_without_data_it_says_what_to_do(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--recipe", "resnet"], "there are default, nvidia-rotations"),
+        (["--recipe", "resnet"], "there are default, built-in, nvidia-rotations"),
         (["--epochs", "0"], "--epochs 0: must be greater than 0"),
         (["--augment.flip", "2"], "--augment.flip 2.0: must lie in 0..1"),
         (["--samples.validation-share", "1"], "--samples.validation-share 1.0: must lie between 0 and 1"),

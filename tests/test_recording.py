@@ -146,7 +146,19 @@ def test_an_interrupted_demonstration_goes_on_and_is_never_half(tmp_path: Path) 
 
 
 @pytest.mark.usefixtures("small_demonstration")
-def test_a_users_own_laps_are_not_added_to(tmp_path: Path) -> None:
+def test_a_users_own_laps_are_not_added_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert model.parse_options([]).recipe == "built-in"
     recorder.record("lake", SHORT, tmp_path / "data" / "mine")
-    model.record_if_empty(tmp_path / "data")
+    model.record_if_empty(Path("data"))
     assert not (tmp_path / "data" / "built_in").exists()
+    assert model.parse_options([]).recipe == "default"
+
+
+def test_built_in_laps_are_not_mirrored_and_named_ones_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The expert keeps to the right of two lanes: a mirrored picture would show it on the left."""
+    monkeypatch.chdir(tmp_path)
+    assert model.parse_options([]).augment.flip == 0
+    assert model.parse_options(["--data", "laps"]).augment.flip == 0.5
+    assert model.parse_options(["--augment.flip", "0.3"]).augment.flip == 0.3
+    assert model.parse_options(["--recipe", "lenet-drop-zeros"]).network == "lenet"

@@ -47,7 +47,7 @@ class Control:
         elif drive.on_road and not self.said:
             self.said = not print("back on the road", flush=True)
 
-window.PIPES = ("p3tinydisplay",)
+window.PIPES = ("p3missing", *window.PIPES[1:])  # as where there is no OpenGL
 with Simulator() as simulator:
     simulator.reset("random:3")
     drive, control = simulator.drive, Control()
@@ -242,6 +242,16 @@ def test_a_full_disk_ends_the_recording_only(tmp_path: Path) -> None:
     with Capture(tmp_path, look) as capture:
         capture.toggle()
         capture.add(Drive(circle()).state)
+        capture.add(Drive(circle()).state)
+    assert capture.rows is None
+    assert "No space left" in capture.message
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_disk_that_is_full_at_the_end_is_said(tmp_path: Path) -> None:
+    (tmp_path / "driving_log.csv").symlink_to("/dev/full")
+    with Capture(tmp_path, lambda: dict.fromkeys(CAMERAS, np.zeros((160, 320, 3), np.uint8))) as capture:
+        capture.toggle()
         capture.add(Drive(circle()).state)
     assert capture.rows is None
     assert "No space left" in capture.message

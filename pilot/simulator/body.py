@@ -12,7 +12,7 @@ from pilot.camera import FULL_LOCK, WHEELBASE
 from pilot.simulator.bonnet import PAINT
 from pilot.simulator.course import Colour, Light
 from pilot.simulator.mesh import Mesh
-from pilot.simulator.scene import _geom
+from pilot.simulator.scene import to_geom
 from pilot.simulator.track import HALF_TRACK, Array
 
 RADIUS, WIDTH, SPOKES = 0.35, 0.24, 5  # of a wheel, metres
@@ -85,7 +85,7 @@ class Body:
         shine = np.array(self._light.ambient) + np.array(self._light.sun) * (normals @ SUN).clip(0)[:, None]
         lit = np.repeat((np.array(colours) * shine)[:, None], 4, axis=1)
         node = GeomNode("quads")
-        node.add_geom(_geom(Mesh("", corners, lit, np.zeros((*corners.shape[:2], 2))), None))
+        node.addto_geom(to_geom(Mesh("", corners, lit, np.zeros((*corners.shape[:2], 2))), None))
         return parent.attach_new_node(node)
 
 

@@ -1,8 +1,8 @@
 """The driver who shows how: keeps the lane, slow in bends; like a person on request.
 
-Steering is the road's curvature a moment ahead, plus pure pursuit of the lane for what the car is off it: J. M. Snider,
-Automatic Steering Methods for Autonomous Automobile Path Tracking (2009), CMU-RI-TR-09-08. Thus it does not cut bends,
-as plain pure pursuit does, and its steering is as smooth as the road.
+Pure pursuit of the lane's middle: R. C. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm (1992),
+CMU-RI-TR-92-01. The point that it steers for is always within the cameras' view, so that a network can learn it;
+steering by the road's curvature at the car's own place keeps the lane better, but that place lies under the bonnet.
 """
 
 import math
@@ -13,11 +13,8 @@ import numpy as np
 from pilot.camera import curvature_to_steering
 from pilot.simulator.car import GRAVITY, MPH, TICK
 from pilot.simulator.drive import Drive
-from pilot.simulator.track import STEP
 
-LOOKAHEAD = 15.0  # metres ahead, where it is back in its lane; training labels shifted viewpoints likewise
-STEEPEST = 0.3  # radians at most, that the lane is returned to
-PREVIEW_SECONDS = 0.15  # how far ahead the road's bend is steered for
+LOOKAHEAD = 10.0  # metres from the rear axle to the point steered for; training labels shifted viewpoints likewise
 SIDEWAYS = 0.45 * GRAVITY  # m/s², that a bend is taken with at most
 BRAKING = 3.5  # m/s², that the expert reckons with
 REACTION = 0.15  # s between seeing and doing, where it is like a person
@@ -60,11 +57,11 @@ class Expert:
             self._aside = min(max(self._aside * (1 - step) + kick, -room), room)
 
     def _steer(self) -> float:
-        track, state = self.drive.track, self.drive.state
-        ahead = self.drive.where.progress + PREVIEW_SECONDS * max(self.drive.car.speed, 0.0)
-        bend = float(track.curvature_ahead(ahead, STEP)[0])
-        askew = state.heading_error + min(max((state.offset - self._aside) / LOOKAHEAD, -STEEPEST), STEEPEST)
-        wanted = curvature_to_steering(bend - 2 / LOOKAHEAD * askew)
+        track, car = self.drive.track, self.drive.car
+        x, y, _ = track.at(self.drive.where.progress + LOOKAHEAD, track.lane + self._aside)
+        east, north = x - car.x, y - car.y
+        right = east * math.cos(car.heading) - north * math.sin(car.heading)
+        wanted = curvature_to_steering(2 * right / (east * east + north * north))
         if self.wander:  # a person's hands take their time
             wanted = self._steering + (wanted - self._steering) * TICK / REACTION
         self._steering = min(max(wanted, -1.0), 1.0)

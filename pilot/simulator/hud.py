@@ -17,7 +17,6 @@ from pilot.simulator.drive import State
 UNITS = 540.0  # height of the window in the units below, whatever its size in pixels
 MARGIN = 18.0
 BAR, THICK, MARK = 260.0, 8.0, 10.0  # the steering bar: width, height, its mark's width
-HELP = "Arrows/WASD drive    Mouse held steers    R record    Backspace back to road    C camera    H help    Esc quit"
 Rgba = tuple[float, float, float, float]
 WHITE, RED, ORANGE, SHADE = (1, 1, 1, 1), (0.8, 0.1, 0.08, 0.9), (1, 0.72, 0.2, 1), (0, 0, 0, 0.45)
 
@@ -54,12 +53,13 @@ class Hud:
     """Texts and a steering bar in a layer of their own over a window.
 
     Attributes:
-        help: whether the line of keys is shown.
+        keys: what keys there are.
+        help: whether that is shown.
         clock: of the laps.
     """
 
     def __init__(self, output: GraphicsOutput) -> None:
-        self.help, self.clock = True, LapClock()
+        self.keys, self.help, self.clock = "", True, LapClock()
         self._root = NodePath("hud")
         self._root.set_depth_test(False)
         self._root.set_depth_write(False)
@@ -90,6 +90,7 @@ class Hud:
                            (self._recording, wide - MARGIN, top), (self._note, wide / 2, top - 30),
                            (self._warning, wide / 2, 0.72 * UNITS), (self._keys, wide / 2, MARGIN)):
             node.set_pos(x, 0, y)
+        self._keys.set_scale(min(14.0, wide / 54))  # in a narrow window it must still be whole
 
     def show(self, state: State, laps: float, rows: int | None, note: str) -> None:
         """Bring it up to date.
@@ -106,7 +107,7 @@ class Hud:
         _write(self._recording, "" if rows is None else f"RECORDING  {rows}")
         _write(self._note, note)
         _write(self._warning, "" if state.on_road else "OFF THE ROAD")
-        _write(self._keys, HELP if self.help else "")
+        _write(self._keys, self.keys if self.help else "")
         self._mark.set_x(state.steering * BAR / 2)
 
     def _text(self, size: float, align: int, colour: Rgba = WHITE, card: Rgba = SHADE) -> NodePath:
@@ -115,7 +116,7 @@ class Hud:
         text.set_text_color(*colour)
         text.set_card_color(*card)
         text.set_card_as_margin(0.4, 0.4, 0.15, 0.15)
-        text.set_card_decal(True)
+        text.set_bin("fixed")  # else the card may be drawn over its text
         node = self._root.attach_new_node(text)
         node.set_scale(size)
         return node

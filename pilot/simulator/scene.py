@@ -129,14 +129,14 @@ def _attach(parent: NodePath, mesh: Mesh, shine: LightMap | None, order: Iterato
     texture = _texture(mesh.texture)
     for chunk in mesh.chunks():
         node = GeomNode(mesh.texture)
-        node.add_geom(_geom(chunk, shine))
+        node.addto_geom(to_geom(chunk, shine))
         path = parent.attach_new_node(node)
         path.set_texture(texture)
         # drawn in the order they were made: else memory addresses decide which of two equally near pixels wins
         path.set_bin("fixed", next(order))
 
 
-def _geom(mesh: Mesh, shine: LightMap | None) -> Geom:
+def to_geom(mesh: Mesh, shine: LightMap | None) -> Geom:
     columns = [("vertex", np.float32, 3), ("color", np.uint8, 4), ("texcoord", np.float32, 2)]
     columns += [("light", np.float32, 2)] if shine else []
     corners = mesh.corners.reshape(-1, 3)
@@ -180,7 +180,7 @@ def _sky(light: Light, course: Course) -> NodePath:
     texels = np.stack([across, np.broadcast_to([0.0, 0, 1, 1], across.shape)], axis=2)
     mesh = Mesh("sky", corners, np.full(corners.shape, 255.0), texels)
     node = GeomNode("sky")
-    node.add_geom(_geom(mesh, None))
+    node.addto_geom(to_geom(mesh, None))
     sky = NodePath(node)
     picture = panorama(light, course.look.grass, course.seed)[::-1]
     texture = _to_texture("sky", picture)

@@ -44,6 +44,8 @@ SIZE = (960, 540)  # pixels
 PIPES = ("pandagl", "p3tinydisplay")  # OpenGL, or else Panda3D's software renderer
 FRAME_SECONDS = TICK  # more pictures than ticks would only show the same again
 ROWS_PER_SECOND = 15.0  # as the real simulator records
+DRIVING_KEYS, RECORDING_KEYS = "Arrows/WASD drive    Mouse held steers    ", "R record    "
+KEYS = "Backspace back to road    C camera    H help    Esc quit"
 BEHIND, ABOVE = 6.5, 2.4  # metres, chase camera from the rear axle
 CLEARANCE = 1.0  # metres, that it keeps from the ground
 SWING_SECONDS = 0.35  # in which it follows the car's turns
@@ -67,7 +69,7 @@ class Capture:
 
     Attributes:
         folder: it goes to.
-        message: what became of the last one.
+        message: what became of the last recording.
     """
 
     def __init__(self, folder: Path, look: Callable[[], dict[str, Frame]]) -> None:
@@ -97,18 +99,21 @@ class Capture:
 
     def start(self) -> None:
         """Begin with the next tick."""
+        self.message, self._began = "", None
         try:
             self._writer = self._open.enter_context(RecordingWriter(self.folder))
         except OSError as error:
             self._say(f"cannot record: {error}")
-        self._began = None
 
     def stop(self) -> None:
         """End the recording, if there is one."""
         if self._writer:
             rows, self._writer = self._writer.rows, None
-            self._open.close()
-            self._say(f"{rows} moments recorded into {self.folder}")
+            try:
+                self._open.close()
+                self._say(f"{rows} moments recorded into {self.folder}")
+            except OSError as error:  # what was held back for writing has no room
+                self._say(f"the recording's end is lost: {error}")
 
     def add(self, state: State) -> None:
         """Once per tick: write a row if one is due."""
@@ -122,7 +127,7 @@ class Capture:
             self._writer.write(self._look(), seconds, (state.steering, state.throttle), state.speed)
         except OSError as error:  # a full disk ends the recording, not the drive
             self.stop()
-            self._say(f"the recording ended: {error}")
+            self._say(f"the recording has ended: {error}")
 
     def _say(self, message: str) -> None:
         self.message = message
@@ -187,6 +192,8 @@ class Window:
 
     def run(self, control: Control) -> None:
         """Show the drive until its end, Escape, the window's closing or Ctrl-C."""
+        self._hud.keys = ((DRIVING_KEYS if isinstance(control, HandDriving) else "")
+                          + (RECORDING_KEYS if self.capture else "") + KEYS)
         then = time.monotonic()
         with catch_interrupt() as interrupt:
             while not (self._quit or interrupt.asked or control.done):
@@ -209,7 +216,6 @@ class Window:
     def _record(self) -> None:
         if self.capture:
             self.capture.toggle()
-            self.note = self.capture.message if self.capture.rows is None else ""
 
     def _change_camera(self) -> None:
         self.behind = not self.behind
@@ -227,7 +233,8 @@ class Window:
         self._resize()
         self._place_car(seconds)
         self._place_camera(seconds)
-        self._hud.show(self.drive.state, self.drive.laps, self.capture.rows if self.capture else None, self.note)
+        rows, message = (self.capture.rows, self.capture.message) if self.capture else (None, "")
+        self._hud.show(self.drive.state, self.drive.laps, rows, message or self.note)
         self._engine.render_frame()
 
     def _resize(self) -> None:

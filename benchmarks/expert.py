@@ -1,0 +1,52 @@
+"""Does the expert stay on the road? python benchmarks/expert.py: laps of every track, both ways round."""
+
+import itertools
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from pilot.simulator.catalogue import NAMED, load_course
+from pilot.simulator.drive import Drive, State
+from pilot.simulator.expert import Expert
+
+SPEED = 30.0  # mph
+
+
+def laps(name: str, count: int, *, backwards: bool) -> list[State]:
+    """Every state of some laps."""
+    track = load_course(name).track
+    drive = Drive(track.reversed() if backwards else track)
+    expert = Expert(drive, SPEED)
+    states = []
+    while drive.laps < count:
+        states.append(drive.advance(*expert.command()))
+    return states
+
+
+def row(title: str, names: Sequence[str], count: int) -> str:
+    """A line of the table about `count` laps of each track in each direction."""
+    drives = [laps(name, count, backwards=way) for name in tqdm(names, title, leave=False) for way in (False, True)]
+    departures = sum(before.on_road and not after.on_road for states in drives
+                     for before, after in itertools.pairwise(states))
+    offsets = np.abs([state.offset for states in drives for state in states])
+    speed = np.mean([state.speed for states in drives for state in states])
+    return (f"| {title} | {count * len(drives)} | {departures} | {offsets.mean():.2f} | "
+            f"{np.percentile(offsets, 95):.2f} | {offsets.max():.2f} | {speed:.1f} |")
+
+
+def main() -> None:
+    """Print the table."""
+    print("| both ways round | laps | departures | offset from the lane's middle, m: mean | 95 % | largest | mph |")
+    print("|---|---:|---:|---:|---:|---:|---:|")
+    for name in NAMED:
+        print(row(name, [name], 10), flush=True)
+    print(row("20 random roads", [f"random:{seed}" for seed in range(20)], 1))
+
+
+if __name__ == "__main__":
+    main()
