@@ -85,7 +85,7 @@ class Body:
         shine = np.array(self._light.ambient) + np.array(self._light.sun) * (normals @ SUN).clip(0)[:, None]
         lit = np.repeat((np.array(colours) * shine)[:, None], 4, axis=1)
         node = GeomNode("quads")
-        node.addto_geom(to_geom(Mesh("", corners, lit, np.zeros((*corners.shape[:2], 2))), None))
+        node.add_geom(to_geom(Mesh("", corners, lit, np.zeros((*corners.shape[:2], 2))), None))
         return parent.attach_new_node(node)
 
 

@@ -59,7 +59,7 @@ class RecordingWriter:
         for camera, name in zip(CAMERAS, names, strict=True):
             (self.folder / "IMG" / name).write_bytes(encode_frame(frames[camera]))
         steering, throttle = command
-        values = (steering, max(throttle, 0.0), max(-throttle, 0.0) + 0.0, abs(speed))  # -0.0 + 0.0 is 0.0
+        values = (steering, max(0.0, throttle), max(0.0, -throttle), abs(speed))  # in this order: never -0
         listed = [str(self.listed_as / "IMG" / name) for name in names]
         self._log.write(",".join([*listed, *(f"{value:.7g}" for value in values)]) + "\n")
         self.rows += 1

@@ -129,7 +129,7 @@ def _attach(parent: NodePath, mesh: Mesh, shine: LightMap | None, order: Iterato
     texture = _texture(mesh.texture)
     for chunk in mesh.chunks():
         node = GeomNode(mesh.texture)
-        node.addto_geom(to_geom(chunk, shine))
+        node.add_geom(to_geom(chunk, shine))
         path = parent.attach_new_node(node)
         path.set_texture(texture)
         # drawn in the order they were made: else memory addresses decide which of two equally near pixels wins
@@ -180,7 +180,7 @@ def _sky(light: Light, course: Course) -> NodePath:
     texels = np.stack([across, np.broadcast_to([0.0, 0, 1, 1], across.shape)], axis=2)
     mesh = Mesh("sky", corners, np.full(corners.shape, 255.0), texels)
     node = GeomNode("sky")
-    node.addto_geom(to_geom(mesh, None))
+    node.add_geom(to_geom(mesh, None))
     sky = NodePath(node)
     picture = panorama(light, course.look.grass, course.seed)[::-1]
     texture = _to_texture("sky", picture)
