@@ -137,6 +137,7 @@ def _attach(parent: NodePath, mesh: Mesh, shine: LightMap | None, order: Iterato
 
 
 def to_geom(mesh: Mesh, shine: LightMap | None) -> Geom:
+    """A mesh as Panda3D takes it; `shine`, if any, gives its second texture coordinates."""
     columns = [("vertex", np.float32, 3), ("color", np.uint8, 4), ("texcoord", np.float32, 2)]
     columns += [("light", np.float32, 2)] if shine else []
     corners = mesh.corners.reshape(-1, 3)
