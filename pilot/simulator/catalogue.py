@@ -83,6 +83,7 @@ PAINTS: tuple[Colour | None, ...] = ((205, 180, 60), (230, 230, 226), None)
 GROUNDS: tuple[Colour, ...] = ((122, 120, 46), (78, 104, 38), (150, 128, 84), (90, 86, 60))
 GRAINS: tuple[Grain, ...] = ("asphalt", "tarmac")
 TREES: tuple[Plant, ...] = ("pine", "palm", "boulder")
+NARROWEST_LANES = 4.3  # metres from the middle line to the edge
 SIDES: tuple[Roadside, ...] = ("hill", "cliff", "drop", "dirt", "grove")
 
 
@@ -91,8 +92,9 @@ def random_course(seed: int) -> Course:
     random = np.random.default_rng([0x70AD, seed])
     track = _random_track(f"random:{seed}", random)
     look = _random_look(random)
-    if look.middle_line is not None and track.half_widths.min() > 4.3:
-        track = replace(track, lane=2.2)
+    if look.middle_line:  # two lanes, if there is room for them
+        wide = track.half_widths.min() > NARROWEST_LANES
+        track, look = (replace(track, lane=2.2), look) if wide else (track, replace(look, middle_line=None))
     light = str(random.choice(list(LIGHTS)))
     return Course(track, look, light, _random_stretches(random), seed=1000 + seed)
 
@@ -145,4 +147,7 @@ def _random_stretches(random: np.random.Generator) -> tuple[Stretch, ...]:
             length = float(random.uniform(0.04, 0.14))
             stretches.append(Stretch(SIDES[random.integers(len(SIDES))], start, min(start + length, 0.98), side))
             start += length + float(random.uniform(0.02, 0.15))
+    if random.uniform() < 0.5:
+        start = float(random.uniform(0.1, 0.8))
+        stretches.append(Stretch("bridge", start, start + 0.05))
     return tuple(stretches)

@@ -16,7 +16,7 @@ from pilot.simulator.simulator import Simulator
 Progress = Callable[[float], None]
 
 # The demonstration that stands in for a person's laps: a bit of everything, both ways round.
-NAMED_PLAN = Demonstration(laps=1, recoveries=30, rate=2.0, wander=0.3)
+NAMED_PLAN = Demonstration(laps=1, recoveries=40, rate=2.0, wander=0.3)
 RANDOM_PLAN = Demonstration(laps=1, recoveries=15, rate=1.5, wander=0.3)
 DEMONSTRATIONS: dict[str, Demonstration] = {
     **{name + way: NAMED_PLAN for name in ("lake", "jungle", "mountain") for way in ("", REVERSED)},

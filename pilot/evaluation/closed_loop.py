@@ -1,0 +1,274 @@
+"""Has a model drive in the built-in simulator, as fast as it goes, and puts the car back when it leaves the road.
+
+What drives is all of drive.py but its socket: the telemetry with its JPEG picture, the autopilot with
+its speed controller and steering filter, on the simulator's clock.
+"""
+
+import functools
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+from types import FrameType
+
+import numpy as np
+
+from pilot.autopilot import Answer, Autopilot
+from pilot.clip import Overlays, make_clip
+from pilot.driver import Driver
+from pilot.evaluation.plan import Setup
+from pilot.evaluation.scores import Driven, Intervention, Reason
+from pilot.frames import Frame
+from pilot.recorder import Recorder
+from pilot.simulator.car import MPH, TICK
+from pilot.simulator.client import build_telemetry, parse_steer
+from pilot.simulator.drive import Drive, State
+from pilot.simulator.expert import Expert
+from pilot.simulator.simulator import TICKS, Simulator
+
+PATIENCE_SECONDS, PATIENCE_METRES = 10.0, 1.0  # a car that gets on by less in this time is put back
+SLOWEST = 0.25  # share of the set speed; who is slower on average does not get to the end of his laps
+FRAMES_PER_SECOND = 1 / (TICKS * TICK)
+CLIP_START = datetime(2000, 1, 1)  # frames of a clip are named by the simulator's clock
+
+Steer = Callable[[Frame], float]
+MakeSteer = Callable[[Drive], Steer]
+Command = tuple[float, float]
+
+
+# Who drives
+
+
+@dataclass(frozen=True)
+class ModelDriver:
+    """Makes the steering of a trained model.
+
+    Attributes:
+        path: the model file.
+    """
+
+    path: Path
+
+    def __call__(self, _drive: Drive) -> Steer:
+        """Load it.
+
+        Raises:
+            UnusableModel: the file is missing, damaged, or no model of this program.
+        """
+        return _load(self.path).steer
+
+
+@functools.lru_cache(1)
+def _load(path: Path) -> Driver:
+    return Driver.load(path)
+
+
+def expert_driver(drive: Drive) -> Steer:
+    """Makes the steering of the expert, who knows the road and needs no picture: what can be reached at best."""
+    expert = Expert(drive)
+    return lambda _frame: expert.command()[0]
+
+
+# One drive
+
+
+class Referee:
+    """Watches a drive: keeps its states, puts the car back, and says when it is over.
+
+    Attributes:
+        drive: the car on its road.
+        states: one for each tick. interventions: so far.
+    """
+
+    def __init__(self, drive: Drive, laps: float, set_speed: float,
+                 on_put_back: Callable[[], None] = lambda: None) -> None:
+        """Begin.
+
+        Args:
+            drive: the car, where it starts.
+            laps: where it ends.
+            set_speed: mph; the time that is allowed follows from it.
+            on_put_back: called when the car was put back.
+        """
+        self.drive, self.laps, self.on_put_back = drive, laps, on_put_back
+        self.states, self.interventions = [drive.state], list[Intervention]()
+        self.longest = laps * drive.track.length / (SLOWEST * set_speed * MPH)
+        self._got_on = drive.state  # when the car last got on by a metre
+
+    def see(self, state: State) -> None:
+        """One tick."""
+        self.states.append(state)
+        if state.progress >= self._got_on.progress + PATIENCE_METRES:
+            self._got_on = state
+        if not state.on_road:
+            self._put_back(state, "off the road")
+        elif state.time - self._got_on.time >= PATIENCE_SECONDS:
+            self._put_back(state, "no progress")
+
+    def _put_back(self, state: State, reason: Reason) -> None:
+        self.interventions.append(Intervention(state.time, state.x, state.y, state.progress, reason))
+        self.drive.put_back()
+        self._got_on = self.drive.state
+        self.on_put_back()
+
+    @property
+    def over(self) -> bool:
+        """Whether the laps are driven, or the time is up."""
+        return self.drive.laps >= self.laps or self.states[-1].time >= self.longest
+
+    @property
+    def driven(self) -> Driven:
+        """The drive so far."""
+        return Driven.from_states(self.states, self.interventions, self.drive.track.length)
+
+
+class Delay:
+    """Commands on their way to the car; the one that arrived last is in force."""
+
+    def __init__(self, ticks: int) -> None:
+        """Delay commands by so many ticks of 20 ms."""
+        self.ticks = ticks
+        self._waiting: deque[tuple[int, Command]] = deque()
+        self._current: Command = (0.0, 0.0)
+
+    def send(self, tick: int, command: Command) -> None:
+        """A command for what was seen at a tick."""
+        self._waiting.append((tick + self.ticks, command))
+
+    def at(self, tick: int) -> Command:
+        """The command in force at a tick."""
+        while self._waiting and self._waiting[0][0] <= tick:
+            self._current = self._waiting.popleft()[1]
+        return self._current
+
+    def straighten(self) -> None:
+        """The car stands elsewhere: what is on its way is void, the wheels stand straight until the next arrives."""
+        self._waiting.clear()
+        self._current = (0.0, self._current[1])
+
+
+def drive_laps(drive: Drive, picture: Callable[[Drive], Frame], steer: Steer, setup: Setup, *, seed: int = 0,
+               observe: Callable[[Answer], None] = lambda _: None) -> Driven:
+    """Drive; the same arguments give the same drive.
+
+    Args:
+        drive: the car on its road, where it is to start.
+        picture: what the centre camera sees: 160x320x3 uint8 RGB.
+        steer: frame to steering, -1..1.
+        setup: laps, speed, latency, lost frames.
+        seed: of the frames that get lost.
+        observe: called with every answer of the autopilot.
+
+    Raises:
+        RuntimeError: `steer` failed.
+    """
+    autopilot = Autopilot(steer, setup.speed, clock=lambda: drive.ticks * TICK)
+    delay = Delay(round(setup.latency_ms / 1000 / TICK))
+    referee = Referee(drive, setup.laps, setup.speed.speed, delay.straighten)
+    random = np.random.default_rng(seed)
+    while not referee.over:
+        if random.random() >= setup.lost_frames:
+            answer = autopilot.answer(build_telemetry(drive, picture(drive)))
+            if answer.telemetry is None:
+                raise RuntimeError("the driver failed; what went wrong stands above")
+            delay.send(drive.ticks, parse_steer(answer.message))
+            observe(answer)
+        for _ in range(TICKS):
+            referee.see(drive.advance(*delay.at(drive.ticks)))
+    return referee.driven
+
+
+# Many drives
+
+
+@dataclass(frozen=True)
+class Task:
+    """One drive that is to be done, in any process.
+
+    Attributes:
+        driver: makes the steering for a car; to be pickled.
+        track: such as lake, or random:7 reversed. light: None is the track's own.
+        start: seed of the start place and of the frames that get lost; None starts at the start line.
+        setup: how to drive.
+        clip: where a video of it goes; None makes none.
+    """
+
+    driver: MakeSteer
+    track: str
+    setup: Setup
+    light: str | None = None
+    start: int | None = None
+    clip: Path | None = None
+
+
+def run(task: Task) -> Driven:
+    """Do a drive.
+
+    Raises:
+        ValueError: there is no such track or light.
+        UnusableModel: the model cannot be loaded.
+        RuntimeError: the driver failed.
+        OSError: the clip cannot be written.
+    """
+    with Simulator() as simulator:
+        simulator.reset(task.track, task.start, task.light)
+        drive = simulator.drive
+        do = functools.partial(drive_laps, drive, lambda _: simulator.look()["center"], task.driver(drive), task.setup,
+                               seed=task.start or 0)
+        return do() if task.clip is None else _filmed(do, drive, task.clip)
+
+
+def _filmed(do: Callable[..., Driven], drive: Drive, clip: Path) -> Driven:
+    """Drive, and make a clip of it."""
+    with tempfile.TemporaryDirectory() as folder:
+        recorder = Recorder(Path(folder), now=lambda: CLIP_START + timedelta(seconds=drive.ticks * TICK))
+        try:
+            driven = do(observe=recorder.observe)
+        finally:
+            recorder.close()
+        film(Path(folder), clip)
+    return driven
+
+
+def film(folder: Path, clip: Path) -> None:
+    """Make a clip of a recorded drive, with all instruments, at the speed of the simulator's clock."""
+    make_clip(folder, clip, fps=FRAMES_PER_SECOND, overlays=Overlays(wheel=True, speed=True, path=True))
+
+
+def run_all(tasks: Sequence[Task], jobs: int, one: Callable[[Task], Driven] = run) -> Iterator[tuple[int, Driven]]:
+    """Do drives, so many at once; yields the number of each in `tasks` and its drive as it is done.
+
+    Raises:
+        ValueError, RuntimeError, OSError: what `one` raises; the others are given up.
+    """
+    if jobs == 1 or len(tasks) == 1:
+        yield from ((number, one(task)) for number, task in enumerate(tasks))
+        return
+    # spawned, not forked: the renderer and torch keep threads
+    with multiprocessing.get_context("spawn").Pool(min(jobs, len(tasks)), _ignore_ctrl_c) as pool:
+        yield from pool.imap_unordered(functools.partial(_run_in_worker, one), enumerate(tasks))
+
+
+def _ignore_ctrl_c() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
+
+
+def _run_in_worker(one: Callable[[Task], Driven], numbered: tuple[int, Task]) -> tuple[int, Driven]:
+    """Do a drive; when the parent ends us, what it started and wrote is cleared away."""
+    signal.signal(signal.SIGTERM, _leave)
+    try:
+        return numbered[0], one(numbered[1])
+    except SystemExit:
+        os._exit(1)  # at once: the interpreter's own end may wait for locks that others hold
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _leave(_signal: int, _frame: FrameType | None) -> None:
+    sys.exit(1)

@@ -1,0 +1,101 @@
+"""Has the real drive.py drive the built-in simulator through its socket, as fast as it goes.
+
+drive.py's controllers go by the computer's clock, on which less time passes than on the simulator's: where the
+speed's integral or the smoothing of the steering matter, the drive is not the one of closed_loop, nor repeatable.
+"""
+
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+
+from pilot.evaluation.closed_loop import ModelDriver, Referee, Task, film
+from pilot.evaluation.scores import Driven
+from pilot.simulator.client import Client
+from pilot.simulator.simulator import Simulator
+
+DRIVE_PY = Path(__file__).parents[2] / "drive.py"
+PATIENCE_SECONDS = 30.0  # by the clock, without an answer
+LAST_WORDS = "drive.log"
+
+
+def run_over_socket(task: Task) -> Driven:
+    """Do a drive; latency and lost frames are the wire's own.
+
+    Raises:
+        ValueError: there is no such track or light, or no model that drive.py could load.
+        RuntimeError: drive.py does not start, or ends on the way; with its last words.
+        TimeoutError: drive.py does not answer.
+        OSError: the clip cannot be written.
+    """
+    with tempfile.TemporaryDirectory() as name, Simulator() as simulator:
+        folder = Path(name)
+        simulator.reset(task.track, task.start, task.light)
+        with _serving(task, folder) as (process, port):
+            driven = _be_driven(simulator, task, process, port, folder)
+        if task.clip is not None:
+            film(folder / "run", task.clip)
+    return driven
+
+
+def _be_driven(simulator: Simulator, task: Task, process: "subprocess.Popen[str]", port: int, folder: Path) -> Driven:
+    referee = Referee(simulator.drive, task.setup.laps, task.setup.speed.speed)
+    client = Client(simulator.drive, lambda _: simulator.look()["center"], port=port, realtime=False, put_back=False,
+                    on_tick=referee.see)
+    heard = time.monotonic()
+    try:
+        while not referee.over:
+            if client.step(0.1):
+                heard = time.monotonic()
+            elif process.poll() is not None:
+                raise RuntimeError(_last_words(folder))
+            elif time.monotonic() - heard > PATIENCE_SECONDS:
+                raise TimeoutError(f"drive.py did not answer for {PATIENCE_SECONDS:g} s")
+    finally:
+        client.close()
+    return referee.driven
+
+
+@contextmanager
+def _serving(task: Task, folder: Path) -> Iterator[tuple["subprocess.Popen[str]", int]]:
+    """drive.py, once it is ready, and its port; it ends with the block."""
+    port = _free_port()
+    with (folder / LAST_WORDS).open("w") as words, subprocess.Popen(
+            _command(task, folder, port), stdout=subprocess.PIPE, stderr=words, text=True,
+            env=os.environ | {"OMP_NUM_THREADS": "1"}) as process:
+        try:
+            assert process.stdout is not None
+            if "is ready" not in process.stdout.readline():
+                raise RuntimeError(_last_words(folder))
+            yield process, port
+        finally:
+            process.terminate()
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def _command(task: Task, folder: Path, port: int) -> list[str]:
+    if not isinstance(task.driver, ModelDriver):
+        raise ValueError("--socket: drive.py needs a model file")
+    run = [str(folder / "run")] if task.clip is not None else []
+    options = [word for name, value in asdict(task.setup.speed).items()
+               for word in (f"--{name.replace('_', '-')}", str(value))]
+    return [sys.executable, str(DRIVE_PY), str(task.driver.path), *run, "--port", str(port), *options]
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return int(probe.getsockname()[1])
+
+
+def _last_words(folder: Path) -> str:
+    lines = (folder / LAST_WORDS).read_text().strip().splitlines()
+    return lines[-1] if lines else "drive.py ended without a word"

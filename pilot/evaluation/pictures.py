@@ -1,0 +1,122 @@
+"""Pictures of a drive: the road from above with the path on it, and the place in the lane along the lap."""
+
+from collections.abc import Iterator, Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+from pilot.evaluation.scores import Array, Driven, Scores
+from pilot.simulator.catalogue import REVERSED, load_course
+from pilot.simulator.track import HALF_TRACK, Track
+
+matplotlib.use("Agg")  # files only: works without a display
+
+ASPHALT, EDGE, GROUND = "#c9c9c6", "#77776f", "#eef0e8"
+REASONS = {"off the road": ("X", "#d0021b"), "no progress": ("s", "#7b1fa2")}  # marker and colour
+FAR_OUT = 2.0  # metres beside the lane's middle, from where on the path has its last colour
+JUMP = 2.0  # metres between two states: here the car was put back
+
+
+def draw_drives(title: str, track: Track, drives: Sequence[Driven], scores: Scores) -> Figure:
+    """What became of one or several drives on a track."""
+    figure = Figure((14, 6), layout="constrained")
+    above, along = figure.subplots(1, 2, width_ratios=(1, 1.25))
+    text = f"{scores.interventions} intervention{'s' * (scores.interventions != 1)}, autonomy {scores.autonomy:.1f} %"
+    figure.suptitle(f"{title}: {text}, {scores.offset_mean:.2f} m beside the lane's middle on average", fontsize=12)
+    _draw_road(above, track)
+    _draw_paths(figure, above, drives)
+    _draw_offsets(along, track, drives)
+    return figure
+
+
+def track_named(name: str) -> Track:
+    """A road by name, in the direction of driving.
+
+    Raises:
+        ValueError: there is none of that name.
+    """
+    track = load_course(name.removesuffix(REVERSED)).track
+    return track.reversed() if name.endswith(REVERSED) else track
+
+
+def _draw_road(axis: Axes, track: Track) -> None:
+    left, right = (_closed(_beside(track, side * track.half_widths)) for side in (-1, 1))
+    outline = np.vstack([left, right[::-1]])
+    axis.fill(outline[:, 0], outline[:, 1], color=ASPHALT, linewidth=0)
+    for edge in (left, right):
+        axis.plot(edge[:, 0], edge[:, 1], color=EDGE, linewidth=0.8)
+    line = np.stack([left[0], right[0]])
+    axis.plot(line[:, 0], line[:, 1], color="black", linewidth=2.5, solid_capstyle="butt")
+    beside = _beside(track, track.half_widths + 10)
+    axis.annotate("", beside[60], beside[0], arrowprops={"arrowstyle": "-|>", "color": "black"})
+    axis.set_facecolor(GROUND)
+    axis.set(aspect="equal", xlabel="metres to the east", ylabel="metres to the north")
+    axis.margins(0.06)
+
+
+def _beside(track: Track, offsets: Array) -> Array:
+    """Points beside the middle line, metres to the right of it."""
+    right = np.column_stack([np.cos(track.headings), -np.sin(track.headings)])
+    return np.asarray(track.points[:, :2] + offsets[:, None] * right)
+
+
+def _closed(points: Array) -> Array:
+    return np.vstack([points, points[:1]])
+
+
+def _draw_paths(figure: Figure, axis: Axes, drives: Sequence[Driven]) -> None:
+    for drive in drives:
+        segments = np.stack([drive.positions[:-1], drive.positions[1:]], 1)
+        driven = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1) < JUMP
+        lines = LineCollection(list(segments[driven]), cmap="viridis_r", linewidth=1.6, capstyle="round")
+        lines.set_array(np.abs(drive.offsets[1:][driven]))
+        lines.set_clim(0, FAR_OUT)
+        axis.add_collection(lines)
+    figure.colorbar(lines, ax=axis, label="metres beside the lane's middle", extend="max", shrink=0.8, pad=0.02)
+    for reason, (marker, colour) in REASONS.items():
+        places = np.array([(each.x, each.y) for drive in drives for each in drive.interventions
+                           if each.reason == reason])
+        if len(places):
+            axis.scatter(places[:, 0], places[:, 1], s=55, marker=marker, color=colour, edgecolors="white",
+                         linewidths=0.8, zorder=3,
+                         label=f"put back: {reason} ({len(places)})")
+    if axis.get_legend_handles_labels()[1]:
+        axis.legend(loc="best", fontsize=9)
+
+
+def _draw_offsets(axis: Axes, track: Track, drives: Sequence[Driven]) -> None:
+    places = np.arange(len(track.points)) * track.length / len(track.points)
+    lowest, highest = (side * (track.half_widths - HALF_TRACK) - track.lane for side in (-1, 1))
+    axis.fill_between(places, lowest, highest, color=ASPHALT, linewidth=0, label="all wheels on the road")
+    axis.axhline(0, color="white", linewidth=1.2)
+    for number, drive in enumerate(drives):
+        place = track.locate(*drive.positions[0]).progress + drive.progress
+        for part in _pieces(drive, place // track.length):
+            axis.plot(place[part] % track.length, drive.offsets[part], color=f"C{number % 10}", linewidth=1.1)
+        for each in drive.interventions:
+            index = int(np.searchsorted(drive.times, each.time - 1e-9))
+            marker, colour = REASONS[each.reason]
+            axis.plot(place[index] % track.length, drive.offsets[index], marker, color=colour, markersize=8,
+                      markeredgecolor="white", markeredgewidth=0.8)
+    room = max(1.15 * float(np.abs([lowest, highest]).max()), 2.0)
+    axis.set(xlim=(0, track.length), ylim=(room, -room), xlabel="metres along the lap",
+             ylabel="metres beside the lane's middle")
+    axis.yaxis.set_major_formatter(FuncFormatter(_side))
+    axis.set_facecolor(GROUND)
+    axis.legend(loc="lower right", fontsize=9)
+
+
+def _pieces(drive: Driven, laps: Array) -> Iterator[slice]:
+    """Stretches of a drive between which a line must not be drawn: laps, and where the car was put back."""
+    put_back = np.isin(drive.times[:-1], [each.time for each in drive.interventions])
+    cuts = np.flatnonzero((np.diff(laps) != 0) | put_back) + 1
+    for first, last in zip([0, *cuts], [*cuts, len(laps)], strict=True):
+        yield slice(int(first), int(last))
+
+
+def _side(metres: float, _position: int) -> str:
+    return f"{abs(metres):g} left" if metres < 0 else f"{metres:g} right" if metres > 0 else "0"

@@ -1,0 +1,223 @@
+"""How well a car was driven, in figures: autonomy, place in the lane, smoothness, speed.
+
+Autonomy is NVIDIA's (Bojarski et al., End to End Learning for Self-Driving Cars, arXiv 1604.07316): each
+intervention counts as six seconds that a person would have driven. Its interval is Wilson's (E. B. Wilson,
+Probable Inference, JASA 1927), with every six seconds of driving as one trial that is lost or not.
+"""
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pilot.simulator.drive import State
+
+Array = NDArray[np.float64]
+Interval = tuple[float, float]
+Reason = Literal["off the road", "no progress"]
+
+INTERVENTION_SECONDS = 6.0  # that a person needs to take over, bring the car back, and hand it over again
+SAMPLED_SECONDS = 0.1  # between two looks at the steering: recordings and simulators of any rate compare
+NORMAL_QUANTILE = 1.96  # of a 95 % interval
+
+
+@dataclass(frozen=True)
+class Intervention:
+    """A moment when the car had to be put back.
+
+    Attributes:
+        time: s since the start.
+        x, y: metres, where the car was then.
+        progress: metres along the road since the start.
+        reason: what was wrong.
+    """
+
+    time: float
+    x: float
+    y: float
+    progress: float
+    reason: Reason
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """One drive: what the car did at even times, and when it had to be put back.
+
+    Attributes:
+        times: n, s.
+        positions: n x 2, metres.
+        speeds: n, mph.
+        steering: n, -1..1.
+        progress: n, metres along the road.
+        offsets: n, metres to the right of where the car should be.
+        heading_errors: n, radians to the right of where it should point.
+        interventions: in order of time.
+        lap: metres of a lap; None where there are no laps.
+    """
+
+    times: Array
+    positions: Array
+    speeds: Array
+    steering: Array
+    progress: Array
+    offsets: Array
+    heading_errors: Array
+    interventions: tuple[Intervention, ...] = ()
+    lap: float | None = None
+
+    @classmethod
+    def from_states(cls, states: Sequence[State], interventions: Sequence[Intervention], lap: float) -> "Driven":
+        """The drive that a car's states tell, one at each tick."""
+        def column(name: str) -> Array:
+            return np.array([getattr(state, name) for state in states], float)
+
+        return cls(column("time"), np.column_stack([column("x"), column("y")]), column("speed"), column("steering"),
+                   column("progress"), column("offset"), column("heading_error"), tuple(interventions), lap)
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasted."""
+        return float(self.times[-1] - self.times[0])
+
+    @property
+    def distance(self) -> float:
+        """Metres made good along the road."""
+        return float(self.progress[-1] - self.progress[0])
+
+    @property
+    def lap_times(self) -> list[float]:
+        """Seconds of each whole lap; the first begins where the drive does."""
+        if self.lap is None:
+            return []
+        laps = int((self.distance + 1e-6) // self.lap)
+        ends = [int(np.argmax(self.progress - self.progress[0] >= lap * self.lap - 1e-6)) for lap in range(laps + 1)]
+        return [float(self.times[after] - self.times[before]) for before, after in itertools.pairwise(ends)]
+
+    @property
+    def steering_rates(self) -> Array:
+        """Changes of the steering per second, from one look at it to the next."""
+        looks = np.arange(self.times[0], self.times[-1], SAMPLED_SECONDS)
+        seen = self.steering[np.searchsorted(self.times, looks + 1e-9, side="right") - 1]
+        return np.asarray(np.diff(seen) / SAMPLED_SECONDS)
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How well one drive went, or several together.
+
+    Attributes:
+        title: what was driven, such as a track.
+        drives: number of drives; clean: those of them without an intervention.
+        seconds: s driven, without what an intervention would cost.
+        distance: metres made good along the road.
+        laps: laps driven; lap_time: s, mean of the whole ones. None where there are none.
+        interventions: times that the car had to be put back.
+        offset_mean, offset_p95, offset_max: metres to either side of where it should be: mean, 95th percentile, most.
+        heading_error: degrees to either side of where it should point, mean.
+        steering_rate: mean absolute change of the steering (-1..1) per second, looked at each 0.1 s.
+        steering_jerk: mean absolute change of that rate per second, in 1/s².
+        speed: mph, mean.
+    """
+
+    title: str
+    drives: int
+    clean: int
+    seconds: float
+    distance: float
+    laps: float | None
+    lap_time: float | None
+    interventions: int
+    offset_mean: float
+    offset_p95: float
+    offset_max: float
+    heading_error: float
+    steering_rate: float
+    steering_jerk: float
+    speed: float
+
+    @property
+    def autonomy(self) -> float:
+        """Per cent of the time that the car drove by itself.
+
+        As NVIDIA defines it: below 0 where there is more than one intervention each six seconds.
+        """
+        return (1 - self.interventions * INTERVENTION_SECONDS / self.seconds) * 100 if self.seconds else 0.0
+
+    @property
+    def autonomy_interval(self) -> Interval:
+        """Per cent between which the autonomy lies with a confidence of 95 %, within 0..100.
+
+        Holds for more driving of the same kind, where one failure says nothing about the next; failures that
+        come back at the same place of each lap make it too narrow.
+        """
+        trials = self.seconds / INTERVENTION_SECONDS
+        low, high = wilson(min(self.interventions, trials), trials)
+        return (1 - high) * 100, (1 - low) * 100
+
+    @property
+    def clean_interval(self) -> Interval:
+        """Share of drives (0..1) without an intervention, with a confidence of 95 %."""
+        return wilson(self.clean, self.drives)
+
+    def plain(self) -> dict[str, Any]:
+        """As JSON knows it, with what follows from the fields."""
+        derived = {"autonomy": self.autonomy, "autonomy_interval": list(self.autonomy_interval),
+                   "clean_interval": list(self.clean_interval)}
+        return dataclasses.asdict(self) | derived
+
+    @classmethod
+    def from_plain(cls, values: dict[str, Any]) -> "Scores":
+        """The scores that `plain` made values of."""
+        return cls(**{field.name: values[field.name] for field in dataclasses.fields(cls)})
+
+
+def measure(title: str, drives: Sequence[Driven]) -> Scores:
+    """The scores of one drive, or of several together (start places, tracks): every moment counts the same.
+
+    Raises:
+        ValueError: there is no drive.
+    """
+    if not drives:
+        raise ValueError(f"{title}: nothing was driven")
+    offsets = np.abs(np.concatenate([drive.offsets for drive in drives]))
+    headings = np.abs(np.concatenate([drive.heading_errors for drive in drives]))
+    lap_times = [seconds for drive in drives for seconds in drive.lap_times]
+    laps = [drive.distance / drive.lap for drive in drives if drive.lap is not None]
+    rates = [drive.steering_rates for drive in drives]
+    return Scores(
+        title=title,
+        drives=len(drives),
+        clean=sum(not drive.interventions for drive in drives),
+        seconds=sum(drive.seconds for drive in drives),
+        distance=sum(drive.distance for drive in drives),
+        laps=sum(laps) if laps else None,
+        lap_time=_mean(lap_times) if lap_times else None,
+        interventions=sum(len(drive.interventions) for drive in drives),
+        offset_mean=_mean(offsets),
+        offset_p95=float(np.percentile(offsets, 95)),
+        offset_max=float(offsets.max()),
+        heading_error=math.degrees(_mean(headings)),
+        steering_rate=_mean(np.abs(np.concatenate(rates))),
+        steering_jerk=_mean(np.abs(np.concatenate([np.diff(rate) for rate in rates])) / SAMPLED_SECONDS),
+        speed=_mean(np.concatenate([drive.speeds for drive in drives])),
+    )
+
+
+def _mean(values: Sequence[float] | Array) -> float:
+    return float(np.mean(values)) if len(values) else 0.0
+
+
+def wilson(lost: float, trials: float) -> Interval:
+    """Wilson's score interval (95 %) of a share, of which `lost` in `trials` trials were seen; 0..1 without any."""
+    if trials <= 0:
+        return 0.0, 1.0
+    share, square = lost / trials, NORMAL_QUANTILE**2
+    middle = (share + square / (2 * trials)) / (1 + square / trials)
+    root = math.sqrt(share * (1 - share) / trials + square / (4 * trials**2))
+    half = NORMAL_QUANTILE * root / (1 + square / trials)
+    return max(middle - half, 0.0), min(middle + half, 1.0)

@@ -1,0 +1,101 @@
+"""Scores of one or several models as a table to read, and as JSON."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from pilot.evaluation.scores import Interval, Scores
+from pilot.files import write_atomically
+
+COLUMNS = {
+    "laps": ("laps", ".2f"), "lap_time": ("lap, s", ".1f"), "speed": ("mph", ".1f"),
+    "interventions": ("interventions", "d"), "autonomy": ("autonomy, %", ".1f"),
+    "offset_mean": ("offset, m", ".2f"), "offset_p95": ("95 %", ".2f"), "offset_max": ("most", ".2f"),
+    "heading_error": ("heading, °", ".1f"), "steering_rate": ("steering, 1/s", ".2f"),
+    "steering_jerk": ("jerk, 1/s²", ".1f"),
+}
+COMPARED = ("interventions", "autonomy", "offset_mean", "steering_rate")  # of several models side by side
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What one model was found to be worth.
+
+    Attributes:
+        model: its name in tables.
+        rows: scores by track, recording, or whatever else it was tried on.
+        total: all of them together.
+    """
+
+    model: str
+    rows: tuple[Scores, ...]
+    total: Scores
+
+    @property
+    def lines(self) -> tuple[Scores, ...]:
+        """The lines of a table: the total is one of its own where there is something to sum up."""
+        return (*self.rows, self.total) if len(self.rows) > 1 else self.rows
+
+
+def table(evaluations: Sequence[Evaluation]) -> str:
+    """A table with a row per track: all scores of one model, the main ones of several side by side."""
+    if len(evaluations) == 1:
+        return _frame(evaluations[0], tuple(COLUMNS)).to_string()
+    frames = {evaluation.model: _frame(evaluation, COMPARED) for evaluation in evaluations}
+    return str(pd.concat(frames, axis=1).to_string())
+
+
+def _frame(evaluation: Evaluation, columns: Sequence[str]) -> pd.DataFrame:
+    cells = [[_cell(getattr(scores, name), COLUMNS[name][1]) for name in columns] for scores in evaluation.lines]
+    titles = [scores.title for scores in evaluation.lines]
+    return pd.DataFrame(cells, index=titles, columns=[COLUMNS[name][0] for name in columns])
+
+
+def _cell(value: float | None, form: str) -> str:
+    return "–" if value is None else format(value, form)
+
+
+def verdict(evaluation: Evaluation) -> str:
+    """One line about a model, with how sure it is."""
+    total = evaluation.total
+    return (f"{evaluation.model}: autonomy {total.autonomy:.1f} % ({_between(total.autonomy_interval)}), "
+            f"{total.interventions} interventions in {total.seconds / 60:.1f} minutes; {total.clean} of {total.drives} "
+            f"drives without one ({_between((100 * total.clean_interval[0], 100 * total.clean_interval[1]))})")
+
+
+def _between(interval: Interval) -> str:
+    return f"95 % confidence: {interval[0]:.1f} to {interval[1]:.1f} %"
+
+
+def write_json(path: Path, evaluations: Sequence[Evaluation], setup: dict[str, Any]) -> None:
+    """Write evaluations, and what they were made with, whole or not at all.
+
+    Raises:
+        OSError: the folder cannot be written to.
+    """
+    content = {"setup": setup, "evaluations": [_plain(evaluation) for evaluation in evaluations]}
+    text = json.dumps(content, indent=2, allow_nan=False, default=str)
+    write_atomically(path, lambda file: file.write(text.encode()))
+
+
+def _plain(evaluation: Evaluation) -> dict[str, Any]:
+    return {"model": evaluation.model, "rows": [scores.plain() for scores in evaluation.rows],
+            "total": evaluation.total.plain()}
+
+
+def read_json(path: Path) -> list[Evaluation]:
+    """The evaluations that `write_json` wrote.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it holds something else.
+    """
+    try:
+        return [Evaluation(item["model"], tuple(map(Scores.from_plain, item["rows"])),
+                           Scores.from_plain(item["total"])) for item in json.loads(path.read_text())["evaluations"]]
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path}: holds no evaluations") from error
