@@ -109,10 +109,10 @@ def test_two_processes_train_to_the_same_quality(recording: Recording, tmp_path:
     assert errors[0] == pytest.approx(errors[1], rel=0.05)
 
 
-def test_without_data_it_says_what_to_do(tmp_path: Path) -> None:
-    (tmp_path / "data").mkdir()
-    output = run(tmp_path, fails=True)
-    assert "data: no driving_log.csv in it or below. Record laps with the simulator" in output
+def test_without_a_recording_where_one_should_be_it_says_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / "laps").mkdir()
+    output = run(tmp_path, "--data", "laps", fails=True)
+    assert "laps: no driving_log.csv in it or below. Record laps with the simulator" in output
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,12 @@ import math
 import numpy as np
 import pytest
 from conftest import picture
-from wire import jpeg, telemetry
+from wire import telemetry
 
+from pilot.frames import encode_frame
 from pilot.telemetry import BadTelemetry, parse_telemetry, steer_message, uses_commas
 
-IMAGE = jpeg(picture(0))
+IMAGE = encode_frame(picture(0))
 
 
 def test_reads_the_strings_of_the_wire() -> None:

@@ -1,0 +1,97 @@
+"""python evaluate.py: what it prints and writes, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import av
+import cv2
+import pytest
+
+import evaluate
+from pilot.checkpoint import Model, save_model
+from pilot.evaluation.table import read_json
+from pilot.networks import build_network
+
+SHORT = ("--tracks", "mountain", "mountain reversed", "--laps", "0.02", "--jobs", "1")
+
+
+@pytest.fixture(autouse=True)
+def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def save(name: str, seed: int = 1) -> Path:
+    path = Path(name)
+    path.parent.mkdir(exist_ok=True)
+    save_model(path, Model("pilotnet", build_network("pilotnet", seed), {}, {}, {}))
+    return path
+
+
+def test_a_table_figures_and_pictures(capsys: pytest.CaptureFixture[str]) -> None:
+    save("model.pt")
+    assert evaluate.main(["model.pt", *SHORT]) == 0
+    printed = capsys.readouterr().out
+    lines = printed.splitlines()
+    assert [line.split("  ")[0] for line in lines[1:4]] == ["mountain", "mountain reversed", "all"]
+    assert "autonomy" in lines[0]
+    assert "model: autonomy" in printed
+    (evaluation,) = read_json(Path("evaluation/scores.json"))
+    assert [scores.title for scores in evaluation.rows] == ["mountain", "mountain reversed"]
+    assert evaluation.total.seconds == pytest.approx(sum(scores.seconds for scores in evaluation.rows))
+    for name in ("mountain", "mountain-reversed"):
+        drawn = cv2.imread(f"evaluation/model/{name}.png")
+        assert drawn.shape[1] > 1000
+
+
+def test_models_side_by_side_with_lights_start_places_and_video(capsys: pytest.CaptureFixture[str]) -> None:
+    save("model.pt")
+    arguments = ["model.pt", "expert", "--tracks", "mountain", "--lights", "evening", "--seeds", "3", "5",
+                 "--laps", "0.01", "--jobs", "1", "--video", "--out", "new/figures"]
+    assert evaluate.main(arguments) == 0
+    head, _, row, *_ = capsys.readouterr().out.splitlines()
+    assert "model" in head
+    assert "expert" in head
+    assert row.startswith("mountain, evening")
+    written = json.loads(Path("new/figures/scores.json").read_text())
+    assert [each["total"]["drives"] for each in written["evaluations"]] == [2, 2]
+    assert written["setup"]["setup"]["laps"] == 0.01
+    with av.open("new/figures/expert/mountain-evening-5.mp4") as clip:
+        stream = clip.streams.video[0]
+        assert float(stream.average_rate) == 25
+        assert (stream.width, stream.height) == (640, 320)
+
+
+def test_models_of_the_same_name_are_told_apart() -> None:
+    assert evaluate.name_models([Path("a/model.pt"), Path("b/model.pt"), Path("c/other.pt")]) == [
+        "a-model", "b-model", "other"]
+
+
+@pytest.mark.parametrize(("arguments", "says"), [
+    (["absent.pt"], "absent.pt: no such file"),
+    (["expert", "--tracks", "moon"], "track 'moon': there are lake, jungle, mountain"),
+    (["expert", "--tracks", "random:9-3"], "a range goes from less to more"),
+    (["expert", "--laps", "0"], "--laps 0: must be greater than 0"),
+    (["expert", "--speed", "60"], "--speed 60: must lie in 0..30"),
+    (["expert", "--speed", "0"], "--speed 0: must be at least 1 mph"),
+    (["expert", "--latency-ms", "30"], "--latency-ms 30: must be a multiple of 20"),
+    (["expert", "--lost-frames", "1"], "--lost-frames 1: must lie in 0..1"),
+    (["expert", "--jobs", "0"], "--jobs 0: must be at least 1"),
+    (["expert", "--seeds", "-1"], "--seeds -1: must not be negative"),
+    (["model.pt", "--socket", "--latency-ms", "80"], "--socket: --latency-ms and --lost-frames"),
+    (["expert", "--socket"], "--socket: the expert drives only without it"),
+    (["expert", "expert"], "a model is named twice"),
+    ([], "which model?"),
+])
+def test_errors_in_one_sentence(arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert evaluate.main(arguments) == 1
+    error = capsys.readouterr().err.strip()
+    assert error.startswith(f"evaluate.py: {says}") or says in error
+    assert "\n" not in error
+    assert not Path("evaluation").exists()
+
+
+def test_the_report_of_before_stays_when_it_goes_wrong() -> None:
+    Path("evaluation").mkdir()
+    Path("evaluation/scores.json").write_text("precious")
+    assert evaluate.main(["absent.pt"]) == 1
+    assert Path("evaluation/scores.json").read_text() == "precious"
