@@ -150,8 +150,9 @@ def show(simulator: "Simulator", client: "Client", title: str) -> None:
 
 def show_laps(bar: "tqdm[NoReturn]", laps: float) -> None:
     """Move a bar on, in hundredths of a lap."""
-    if (more := round(laps, 2) - bar.n) >= 0.01:
-        bar.update(round(more, 2))
+    if laps - bar.n >= 0.01:
+        bar.n = min(round(laps, 2), bar.total or laps)
+        bar.refresh()
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ from pilot.log_format import CAMERAS
 from pilot.simulator.simulator import Simulator
 
 PORT = "4588"
-SHEET = {"lake": (0.03, 0.38, 0.51, 0.7), "jungle": (0.02, 0.2, 0.55, 0.84), "mountain": (0.05, 0.3, 0.55, 0.9),
+SHEET = {"lake": (0.03, 0.36, 0.535, 0.44), "jungle": (0.02, 0.2, 0.55, 0.84), "mountain": (0.05, 0.3, 0.55, 0.9),
          "random:3": (0.1, 0.5), "random:12": (0.1, 0.5)}
 """Places, as shares of the lap; of the first of each track all three cameras are shown."""
 
@@ -46,7 +46,7 @@ def draw_sheet(target: Path) -> None:
             first = [frames[0][camera] for camera in ("left", "center", "right")]
             rows.append(first + [frame["center"] for frame in frames[1:]])
     named = [np.hstack(row) for row in (*rows[:3], rows[3][:3] + rows[4][:3])]
-    cv2.imwrite(str(target), np.vstack(named)[:, :, ::-1])
+    cv2.imwrite(str(target), np.vstack(named)[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
 
 
 def _seen(simulator: Simulator, place: float) -> dict[str, Frame]:
@@ -94,7 +94,7 @@ def draw_clip_frame(run: Path, model: Path, target: Path) -> None:
 
 def main(model: Path) -> None:
     """Draw them all."""
-    draw_sheet(ROOT / "docs" / "tracks.png")
+    draw_sheet(ROOT / "docs" / "tracks.jpg")
     with tempfile.TemporaryDirectory() as name:
         run = Path(name) / "run1"
         with driving(model, run):
