@@ -51,7 +51,7 @@ class AugmentConfig:
     """The viewpoint is shifted by up to this, to either side."""
     viewpoint_degrees: float = 5.0
     """The viewpoint is turned by up to this, to either side."""
-    viewpoint_lookahead: float = 10.0
+    viewpoint_lookahead: float = 15.0
     """Metres ahead at which the label's steering has brought the car back (7.2 m make a side camera's 0.2)."""
 
 

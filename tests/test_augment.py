@@ -6,7 +6,7 @@ from conftest import picture
 
 from pilot import augment, camera
 from pilot.augment import AugmentConfig, View
-from pilot.recipes import TrainingConfig
+from pilot.recipes import RECIPES
 
 WHOLE = (0, 160)
 NOTHING = AugmentConfig(flip=0, rotation=0, brightness=0, shadow=0, crop=0, viewpoint=0)
@@ -63,8 +63,9 @@ def test_the_recovery_label_reaches_the_path_at_the_lookahead() -> None:
     assert offset + heading * lookahead + (after - before) * lookahead**2 / 2 == pytest.approx(0)
 
 
-def test_a_shift_by_a_side_camera_means_the_side_cameras_correction() -> None:
-    config = TrainingConfig()
+@pytest.mark.parametrize("recipe", ["default", "built-in"])
+def test_a_shift_by_a_side_camera_means_the_side_cameras_correction(recipe: str) -> None:
+    config = RECIPES[recipe]
     view = augment.shift_viewpoint(View(0), -camera.SIDE_CAMERA_OFFSET, 0, config.augment.viewpoint_lookahead)
     assert view.steering == pytest.approx(config.samples.side_correction, abs=0.005)
 
