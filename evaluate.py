@@ -109,9 +109,9 @@ def evaluate(config: EvaluationConfig) -> None:
     from pilot.evaluation.table import table, verdict, write_json
 
     roads, names = check_roads(config), name_models(config.models)
-    drivers = [make_driver(path) for path in config.models]
+    drivers = {name: make_driver(path) for name, path in zip(names, config.models, strict=True)}
     tasks = {(name, road): make_tasks(config, driver, road, config.out / name)
-             for name, driver in zip(names, drivers, strict=True) for road in roads}
+             for road in roads for name, driver in drivers.items()}
     driven = drive_all(config, tasks)
     evaluations = [report(config.out / name, name, {road: driven[name, road] for road in roads}) for name in names]
     write_json(config.out / "scores.json", evaluations, asdict(config))

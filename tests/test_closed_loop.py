@@ -108,12 +108,12 @@ def test_a_car_that_gets_nowhere_is_put_back_and_the_drive_ends(winding: Track) 
 
 def test_driving_backwards_is_no_progress(winding: Track) -> None:
     car = Drive(winding)
-    car.place(20.0, heading_error=math.pi, speed=5.0)
+    car.place(20.0, heading_error=math.pi, speed=2.0)
     referee = Referee(car, laps=1.0, set_speed=20.0)
-    expert = expert_driver(Drive(winding.reversed()))  # any steering will do: the road is nearly straight here
     while not referee.interventions:
-        referee.see(car.advance(expert(FRAME) * 0, 0.05))
-    assert referee.interventions[0].time <= 10
+        referee.see(car.advance(0.0, 0.0))
+    assert referee.interventions[0].progress < -3
+    assert referee.interventions[0].reason == "no progress"
     assert abs(car.state.heading_error) < 0.01
 
 
@@ -126,7 +126,7 @@ def test_a_driver_that_fails_ends_the_evaluation(winding: Track) -> None:
 
 
 def test_side_by_side_or_one_after_another_the_scores_are_the_same() -> None:
-    setup = Setup(laps=0.03, lost_frames=0.3)
+    setup = Setup(laps=0.01, lost_frames=0.3)
     tasks = [Task(expert_driver, track, setup, start=start) for track, start in (("mountain", 1), ("mountain", 2))]
     alone, together = (dict(run_all(tasks, jobs)) for jobs in (1, 2))
     first, second = ([measure("", [driven[number]]) for number in range(2)] for driven in (alone, together))
@@ -134,18 +134,12 @@ def test_side_by_side_or_one_after_another_the_scores_are_the_same() -> None:
     assert first[0] != first[1]  # each from its own start place
 
 
-def test_an_error_in_another_process_arrives() -> None:
-    tasks = [Task(expert_driver, track, Setup(laps=0.01)) for track in ("nowhere", "elsewhere")]
-    with pytest.raises(ValueError, match="where"):
-        list(run_all(tasks, 2))
-
-
 def test_through_the_socket(tmp_path: Path) -> None:
     save_model(tmp_path / "model.pt", Model("pilotnet", build_network("pilotnet", 1), {}, {}, {}))
-    task = Task(ModelDriver(tmp_path / "model.pt"), "mountain", Setup(laps=0.02))
+    task = Task(ModelDriver(tmp_path / "model.pt"), "mountain", Setup(laps=0.01))
     found = measure("", [run_over_socket(task)])
-    assert found.laps == pytest.approx(0.02, abs=0.005)
-    assert found.speed > 5
+    assert found.laps == pytest.approx(0.01, abs=0.005)
+    assert found.speed > 3
 
 
 def test_drive_py_s_last_words_are_passed_on(tmp_path: Path) -> None:

@@ -1,18 +1,25 @@
 """python evaluate.py: what it prints and writes, and what it refuses."""
 
+import contextlib
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import av
 import cv2
 import pytest
+from conftest import REPOSITORY
 
 import evaluate
 from pilot.checkpoint import Model, save_model
 from pilot.evaluation.table import read_json
 from pilot.networks import build_network
 
-SHORT = ("--tracks", "mountain", "mountain reversed", "--laps", "0.02", "--jobs", "1")
+SHORT = ("--tracks", "mountain", "mountain reversed", "--laps", "0.01", "--jobs", "1")
 
 
 @pytest.fixture(autouse=True)
@@ -46,7 +53,7 @@ def test_a_table_figures_and_pictures(capsys: pytest.CaptureFixture[str]) -> Non
 def test_models_side_by_side_with_lights_start_places_and_video(capsys: pytest.CaptureFixture[str]) -> None:
     save("model.pt")
     arguments = ["model.pt", "expert", "--tracks", "mountain", "--lights", "evening", "--seeds", "3", "5",
-                 "--laps", "0.01", "--jobs", "1", "--video", "--out", "new/figures"]
+                 "--laps", "0.004", "--jobs", "1", "--video", "--out", "new/figures"]
     assert evaluate.main(arguments) == 0
     head, _, row, *_ = capsys.readouterr().out.splitlines()
     assert "model" in head
@@ -54,7 +61,7 @@ def test_models_side_by_side_with_lights_start_places_and_video(capsys: pytest.C
     assert row.startswith("mountain, evening")
     written = json.loads(Path("new/figures/scores.json").read_text())
     assert [each["total"]["drives"] for each in written["evaluations"]] == [2, 2]
-    assert written["setup"]["setup"]["laps"] == 0.01
+    assert written["setup"]["setup"]["laps"] == 0.004
     with av.open("new/figures/expert/mountain-evening-5.mp4") as clip:
         stream = clip.streams.video[0]
         assert float(stream.average_rate) == 25
@@ -64,6 +71,33 @@ def test_models_side_by_side_with_lights_start_places_and_video(capsys: pytest.C
 def test_models_of_the_same_name_are_told_apart() -> None:
     assert evaluate.name_models([Path("a/model.pt"), Path("b/model.pt"), Path("c/other.pt")]) == [
         "a-model", "b-model", "other"]
+
+
+def wait_until_gone(group: int) -> None:
+    for _ in range(200):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.05)
+    pytest.fail("something of it lived on")
+
+
+def test_ctrl_c_ends_it_with_all_its_processes() -> None:
+    command = [sys.executable, str(REPOSITORY / "evaluate.py"), "expert", "--tracks", "mountain", "lake", "--laps", "9",
+               "--jobs", "2"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, start_new_session=True) as process:
+        try:
+            assert process.stderr is not None
+            assert b"driving" in process.stderr.read(10)  # the bar
+            time.sleep(1)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(60) == 130
+            wait_until_gone(process.pid)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+    assert not Path("evaluation").exists()
 
 
 @pytest.mark.parametrize(("arguments", "says"), [

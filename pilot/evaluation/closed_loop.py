@@ -12,6 +12,7 @@ import sys
 import tempfile
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -64,7 +65,7 @@ class ModelDriver:
         return _load(self.path).steer
 
 
-@functools.lru_cache(1)
+@functools.lru_cache(8)
 def _load(path: Path) -> Driver:
     return Driver.load(path)
 
@@ -216,12 +217,28 @@ def run(task: Task) -> Driven:
         RuntimeError: the driver failed.
         OSError: the clip cannot be written.
     """
-    with Simulator() as simulator:
-        simulator.reset(task.track, task.start, task.light)
-        drive = simulator.drive
-        do = functools.partial(drive_laps, drive, lambda _: simulator.look()["center"], task.driver(drive), task.setup,
-                               seed=task.start or 0)
-        return do() if task.clip is None else _filmed(do, drive, task.clip)
+    simulator = simulator_at(task)
+    drive = simulator.drive
+    do = functools.partial(drive_laps, drive, lambda _: simulator.look()["center"], task.driver(drive), task.setup,
+                           seed=task.start or 0)
+    return do() if task.clip is None else _filmed(do, drive, task.clip)
+
+
+def simulator_at(task: Task) -> Simulator:
+    """The simulator with the car where a drive is to start.
+
+    Raises:
+        ValueError: there is no such track or light.
+    """
+    simulator = _simulator()
+    simulator.reset(task.track, task.start, task.light)
+    return simulator
+
+
+@functools.cache
+def _simulator() -> Simulator:
+    """One for all drives of a process: the next on the same road finds it built."""
+    return Simulator()
 
 
 def _filmed(do: Callable[..., Driven], drive: Drive, clip: Path) -> Driven:
@@ -251,12 +268,27 @@ def run_all(tasks: Sequence[Task], jobs: int, one: Callable[[Task], Driven] = ru
         yield from ((number, one(task)) for number, task in enumerate(tasks))
         return
     # spawned, not forked: the renderer and torch keep threads
-    with multiprocessing.get_context("spawn").Pool(min(jobs, len(tasks)), _ignore_ctrl_c) as pool:
+    with _holding_ctrl_c():
+        pool = multiprocessing.get_context("spawn").Pool(min(jobs, len(tasks)), _ignore_ctrl_c)
+    with pool:
         yield from pool.imap_unordered(functools.partial(_run_in_worker, one), enumerate(tasks))
 
 
 def _ignore_ctrl_c() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
+
+
+@contextmanager
+def _holding_ctrl_c() -> Iterator[None]:
+    """Ctrl-C waits; processes that are started meanwhile do not see it either until they ignore it (not on Windows)."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _run_in_worker(one: Callable[[Task], Driven], numbered: tuple[int, Task]) -> tuple[int, Driven]:

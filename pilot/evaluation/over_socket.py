@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
-from pilot.evaluation.closed_loop import ModelDriver, Referee, Task, film
+from pilot.evaluation.closed_loop import ModelDriver, Referee, Task, film, simulator_at
 from pilot.evaluation.scores import Driven
 from pilot.simulator.client import Client
 from pilot.simulator.simulator import Simulator
@@ -34,9 +34,9 @@ def run_over_socket(task: Task) -> Driven:
         TimeoutError: drive.py does not answer.
         OSError: the clip cannot be written.
     """
-    with tempfile.TemporaryDirectory() as name, Simulator() as simulator:
+    simulator = simulator_at(task)
+    with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        simulator.reset(task.track, task.start, task.light)
         with _serving(task, folder) as (process, port):
             driven = _be_driven(simulator, task, process, port, folder)
         if task.clip is not None:

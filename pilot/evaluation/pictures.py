@@ -15,9 +15,10 @@ from pilot.simulator.track import HALF_TRACK, Track
 
 matplotlib.use("Agg")  # files only: works without a display
 
-ASPHALT, EDGE, GROUND = "#c9c9c6", "#77776f", "#eef0e8"
+ASPHALT, EDGE, GROUND = "#d6d6d2", "#77776f", "#eef0e8"
 REASONS = {"off the road": ("X", "#d0021b"), "no progress": ("s", "#7b1fa2")}  # marker and colour
 FAR_OUT = 2.0  # metres beside the lane's middle, from where on the path has its last colour
+MARGIN = 0.7  # metres of ground that are shown beside the road
 JUMP = 2.0  # metres between two states: here the car was put back
 
 
@@ -72,7 +73,7 @@ def _draw_paths(figure: Figure, axis: Axes, drives: Sequence[Driven]) -> None:
     for drive in drives:
         segments = np.stack([drive.positions[:-1], drive.positions[1:]], 1)
         driven = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1) < JUMP
-        lines = LineCollection(list(segments[driven]), cmap="viridis_r", linewidth=1.6, capstyle="round")
+        lines = LineCollection(list(segments[driven]), cmap="plasma", linewidth=1.6, capstyle="round")
         lines.set_array(np.abs(drive.offsets[1:][driven]))
         lines.set_clim(0, FAR_OUT)
         axis.add_collection(lines)
@@ -102,9 +103,9 @@ def _draw_offsets(axis: Axes, track: Track, drives: Sequence[Driven]) -> None:
             marker, colour = REASONS[each.reason]
             axis.plot(place[index] % track.length, drive.offsets[index], marker, color=colour, markersize=8,
                       markeredgecolor="white", markeredgewidth=0.8)
-    room = max(1.15 * float(np.abs([lowest, highest]).max()), 2.0)
-    axis.set(xlim=(0, track.length), ylim=(room, -room), xlabel="metres along the lap",
-             ylabel="metres beside the lane's middle")
+    # seen in the direction of driving: left is up
+    axis.set(xlim=(0, track.length), ylim=(highest.max() + MARGIN, lowest.min() - MARGIN))
+    axis.set(xlabel="metres along the lap", ylabel="metres beside the lane's middle")
     axis.yaxis.set_major_formatter(FuncFormatter(_side))
     axis.set_facecolor(GROUND)
     axis.legend(loc="lower right", fontsize=9)

@@ -17,10 +17,10 @@ Progress = Callable[[float], None]
 
 # The demonstration that stands in for a person's laps: a bit of everything, both ways round.
 NAMED_PLAN = Demonstration(laps=1, recoveries=40, rate=2.0, wander=0.3)
-RANDOM_PLAN = Demonstration(laps=1, recoveries=15, rate=1.5, wander=0.3)
+RANDOM_PLAN = Demonstration(laps=1, recoveries=10, rate=0.8, wander=0.3)  # few rows of many roads
 DEMONSTRATIONS: dict[str, Demonstration] = {
     **{name + way: NAMED_PLAN for name in ("lake", "jungle", "mountain") for way in ("", REVERSED)},
-    **{f"random:{seed}": RANDOM_PLAN for seed in range(1000, 1010)},
+    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_PLAN for seed in range(1000, 1030)},
 }
 
 
