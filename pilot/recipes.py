@@ -133,18 +133,6 @@ _SEED_RECIPES: dict[str, TrainingConfig] = {
 # no mirroring: the laps go both ways round, and keep to the right where there are two lanes.
 _BUILT_IN = TrainingConfig(recipe="built-in", epochs=10, samples=SampleConfig(side_correction=0.11),
                            augment=AugmentConfig(flip=0, viewpoint_lookahead=10))
-RECIPES: dict[str, TrainingConfig] = {
-    "nvidia-rotations": _SEED_000,
-    "nvidia-rotations-no-l2": replace(_SEED_000, recipe="nvidia-rotations-no-l2", l2=0),
-    "lenet5-rotations": replace(_SEED_000, recipe="lenet5-rotations", network="lenet5"),
-    "lenet-drop-zeros": _SEED_002,
-    "nvidia-drop-zeros": replace(_SEED_002, recipe="nvidia-drop-zeros", network="nvidia"),
-    "simplenet-spikes": _SEED_004,
-    "densenet-spikes": replace(_SEED_004, recipe="densenet-spikes", network="densenet", epochs=10, learning_rate=1e-3),
-}
-# For the built-in simulator's demonstration, which needs no mirroring, as it goes both ways round, and must not be
-# mirrored, as it keeps to the right where there are two lanes.
-_BUILT_IN = TrainingConfig(recipe="built-in", epochs=10, augment=AugmentConfig(flip=0))
 RECIPES: dict[str, TrainingConfig] = {"default": TrainingConfig(), "built-in": _BUILT_IN, **_SEED_RECIPES}
 
 

@@ -18,6 +18,7 @@ from pilot.frames import decode_frame, encode_frame
 from pilot.log_format import LOG_NAME
 from pilot.recipes import TrainingConfig
 from pilot.simulator import record as recorder
+from pilot.simulator.expert import LOOKAHEAD
 from pilot.simulator.recording import Demonstration
 from pilot.simulator.simulator import Simulator
 
@@ -159,6 +160,7 @@ def test_built_in_laps_are_not_mirrored_and_named_ones_are(tmp_path: Path, monke
     """The expert keeps to the right of two lanes: a mirrored picture would show it on the left."""
     monkeypatch.chdir(tmp_path)
     assert model.parse_options([]).augment.flip == 0
+    assert model.parse_options([]).augment.viewpoint_lookahead == LOOKAHEAD  # one law of coming back
     assert model.parse_options(["--data", "laps"]).augment.flip == 0.5
     assert model.parse_options(["--augment.flip", "0.3"]).augment.flip == 0.3
     assert model.parse_options(["--recipe", "lenet-drop-zeros"]).network == "lenet"

@@ -5,18 +5,12 @@ its speed controller and steering filter, on the simulator's clock.
 """
 
 import functools
-import multiprocessing
-import os
-import signal
-import sys
 import tempfile
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
-from types import FrameType
 
 import numpy as np
 
@@ -32,6 +26,7 @@ from pilot.simulator.client import build_telemetry, parse_steer
 from pilot.simulator.drive import Drive, State
 from pilot.simulator.expert import Expert
 from pilot.simulator.simulator import TICKS, Simulator
+from pilot.workers import run_jobs
 
 PATIENCE_SECONDS, PATIENCE_METRES = 10.0, 1.0  # a car that gets on by less in this time is put back
 SLOWEST = 0.25  # share of the set speed; who is slower on average does not get to the end of his laps
@@ -264,43 +259,4 @@ def run_all(tasks: Sequence[Task], jobs: int, one: Callable[[Task], Driven] = ru
     Raises:
         ValueError, RuntimeError, OSError: what `one` raises; the others are given up.
     """
-    if jobs == 1 or len(tasks) == 1:
-        yield from ((number, one(task)) for number, task in enumerate(tasks))
-        return
-    # spawned, not forked: the renderer and torch keep threads
-    with _holding_ctrl_c():
-        pool = multiprocessing.get_context("spawn").Pool(min(jobs, len(tasks)), _ignore_ctrl_c)
-    with pool:
-        yield from pool.imap_unordered(functools.partial(_run_in_worker, one), enumerate(tasks))
-
-
-def _ignore_ctrl_c() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
-
-
-@contextmanager
-def _holding_ctrl_c() -> Iterator[None]:
-    """Ctrl-C waits; processes that are started meanwhile do not see it either until they ignore it (not on Windows)."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _run_in_worker(one: Callable[[Task], Driven], numbered: tuple[int, Task]) -> tuple[int, Driven]:
-    """Do a drive; when the parent ends us, what it started and wrote is cleared away."""
-    signal.signal(signal.SIGTERM, _leave)
-    try:
-        return numbered[0], one(numbered[1])
-    except SystemExit:
-        os._exit(1)  # at once: the interpreter's own end may wait for locks that others hold
-    finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-
-def _leave(_signal: int, _frame: FrameType | None) -> None:
-    sys.exit(1)
+    return run_jobs(one, tasks, jobs)

@@ -1,10 +1,7 @@
 """Have the expert drive a course and record it: course → recording."""
 
 import functools
-import multiprocessing
-import os
 import shutil
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -12,6 +9,7 @@ from pilot.log_format import CAMERAS, LOG_NAME
 from pilot.simulator.catalogue import REVERSED
 from pilot.simulator.recording import Demonstration, RecordingWriter, demonstrate
 from pilot.simulator.simulator import Simulator
+from pilot.workers import run_jobs
 
 Progress = Callable[[float], None]
 
@@ -59,22 +57,16 @@ def record_demonstrations(folder: Path, tracks: Sequence[str]) -> Iterator[str]:
     Raises:
         OSError: the folder cannot be written to.
     """
-    # spawned, not forked: the renderer and torch keep threads
-    with multiprocessing.get_context("spawn").Pool(min(len(tracks), os.cpu_count() or 1), _ignore_ctrl_c) as pool:
-        yield from pool.imap_unordered(functools.partial(_record_whole, folder), tracks)
+    for number, _ in run_jobs(functools.partial(_record_whole, folder), tracks):
+        yield tracks[number]
 
 
-def _ignore_ctrl_c() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
-
-
-def _record_whole(folder: Path, track: str) -> str:
+def _record_whole(folder: Path, track: str) -> None:
     final, unfinished = folder / _name(track), folder / f".{_name(track)}.part"
     shutil.rmtree(unfinished, ignore_errors=True)
     record(track, DEMONSTRATIONS[track], unfinished, listed_as=final)
     shutil.rmtree(final, ignore_errors=True)  # without a log: of no use
     unfinished.rename(final)
-    return track
 
 
 def _name(track: str) -> str:
