@@ -2,6 +2,7 @@
 
 import logging
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +26,21 @@ class DriveConfig:
     """Address to serve on."""
     port: int = 4567
     """Port to serve on; the simulator looks for 4567."""
+    frame_seconds: float | None = None
+    """For a simulator that does not run in real time (simulator.py drive --fast): its seconds from one telemetry to
+    the next, which are 0.04 there."""
     drive: tyro.conf.OmitArgPrefixes[SpeedConfig] = field(default_factory=SpeedConfig)
+
+
+    def check(self) -> None:
+        """Refuse values that cannot work.
+
+        Raises:
+            ValueError: names the option, its value and what it may be.
+        """
+        self.drive.check()
+        if self.frame_seconds is not None and not 0 < self.frame_seconds <= 1:
+            raise ValueError(f"--frame-seconds {self.frame_seconds:g}: must lie above 0 and up to 1")
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -34,7 +49,7 @@ def main(arguments: Sequence[str]) -> int:
     logging.basicConfig(level=logging.ERROR, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     logging.getLogger("pilot").setLevel(logging.INFO)
     try:
-        config.drive.check()
+        config.check()
         serve(config)
     except KeyboardInterrupt:
         return 0
@@ -51,7 +66,7 @@ def serve(config: DriveConfig) -> None:
         UnusableModel, WrongVersionError, FolderInUseError, OSError: with the cure in the message.
     """
     # imported here: --help and wrong options need not wait for torch
-    from pilot.autopilot import Autopilot
+    from pilot.autopilot import Autopilot, FrameClock
     from pilot.dashboard.page import create_page
     from pilot.dashboard.state import DriveState
     from pilot.driver import Driver
@@ -62,10 +77,12 @@ def serve(config: DriveConfig) -> None:
     check_versions()
     driver = Driver.load(config.model)
     listener = listen(config.host, config.port)
-    autopilot = Autopilot(driver.steer, config.drive)
+    clock = FrameClock(config.frame_seconds) if config.frame_seconds else None
+    autopilot = Autopilot(driver.steer, config.drive, clock or time.perf_counter)
     state = DriveState(autopilot)
     recorder = Recorder(config.run, overwrite=config.overwrite) if config.run else None
-    server = DriveServer(autopilot, [state.observe, *([recorder.observe] if recorder else [])])
+    observers = [state.observe, *([recorder.observe] if recorder else []), *([clock.tick] if clock else [])]
+    server = DriveServer(autopilot, observers)
     print(f"{config.model} ({driver.model.name}) is ready at {config.drive.speed:g} mph. Start the simulator in "
           f"autonomous mode; watch at http://{config.host}:{config.port}/ (Ctrl-C ends)", flush=True)
     try:

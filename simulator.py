@@ -65,7 +65,7 @@ class DriveConfig:
     headless: bool = False
     """Without a window."""
     fast: bool = False
-    """As fast as it goes instead of in real time, which drive.py's speed controller does not know of; headless only."""
+    """As fast as it goes instead of in real time; headless only. Start drive.py with --frame-seconds 0.04."""
     laps: float | None = None
     """End after so many laps; without it Ctrl-C ends."""
     host: str = "127.0.0.1"

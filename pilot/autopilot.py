@@ -101,6 +101,22 @@ class Autopilot:
         return Answer("steer", message, steering, throttle, telemetry, self.clock() - now)
 
 
+class FrameClock:
+    """The time of a simulator that runs as fast as it goes: the same from each telemetry to the next."""
+
+    def __init__(self, seconds: float) -> None:
+        """Pass `seconds` with each answer."""
+        self.seconds, self.now = seconds, 0.0
+
+    def __call__(self) -> float:
+        """The time, s."""
+        return self.now
+
+    def tick(self, _answer: Answer) -> None:
+        """An answer was given."""
+        self.now += self.seconds
+
+
 class Warnings:
     """Logs warnings, but each kind at most once a second, with how many there were meanwhile."""
 

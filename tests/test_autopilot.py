@@ -4,7 +4,7 @@ import pytest
 from conftest import picture
 from wire import telemetry
 
-from pilot.autopilot import Autopilot
+from pilot.autopilot import Autopilot, FrameClock
 from pilot.controller import SpeedConfig
 from pilot.dashboard.state import DriveState
 from pilot.frames import Frame, encode_frame
@@ -66,6 +66,20 @@ def test_a_long_pause_begins_the_controllers_anew() -> None:
     pilot.answer(GOOD)
     assert grown > 0.3
     assert pilot.speed.integral == 0
+
+
+def test_a_frame_clock_gives_every_answer_the_same_time() -> None:
+    """However fast the telemetry comes: the speed's integral grows by the simulator's time."""
+    clock = FrameClock(0.1)
+    pilot = Autopilot(lambda _: 0.0, SpeedConfig(speed=20), clock)
+    for _ in range(40):
+        clock.tick(pilot.answer({**GOOD, "speed": "18"}))
+    slow, by_hand = autopilot(speed=20)
+    for _ in range(40):
+        slow.answer({**GOOD, "speed": "18"})
+        by_hand.now += 0.1
+    assert pilot.speed.integral == pytest.approx(slow.speed.integral)
+    assert pilot.speed.integral > 0.3
 
 
 def test_each_kind_of_warning_is_said_once_a_second(caplog: pytest.LogCaptureFixture) -> None:

@@ -1,8 +1,4 @@
-"""Has the real drive.py drive the built-in simulator through its socket, as fast as it goes.
-
-drive.py's controllers go by the computer's clock, on which less time passes than on the simulator's: where the
-speed's integral or the smoothing of the steering matter, the drive is not the one of closed_loop, nor repeatable.
-"""
+"""Has the real drive.py drive the built-in simulator through its socket, as fast as it goes."""
 
 import os
 import socket
@@ -17,7 +13,8 @@ from pathlib import Path
 
 from pilot.evaluation.closed_loop import ModelDriver, Referee, Task, film, simulator_at
 from pilot.evaluation.scores import Driven
-from pilot.simulator.client import Client
+from pilot.simulator.car import TICK
+from pilot.simulator.client import TICKS_PER_ANSWER, Client
 from pilot.simulator.simulator import Simulator
 
 DRIVE_PY = Path(__file__).parents[2] / "drive.py"
@@ -88,7 +85,8 @@ def _command(task: Task, folder: Path, port: int) -> list[str]:
     run = [str(folder / "run")] if task.clip is not None else []
     options = [word for name, value in asdict(task.setup.speed).items()
                for word in (f"--{name.replace('_', '-')}", str(value))]
-    return [sys.executable, str(DRIVE_PY), str(task.driver.path), *run, "--port", str(port), *options]
+    clock = ["--frame-seconds", str(TICKS_PER_ANSWER * TICK)]
+    return [sys.executable, str(DRIVE_PY), str(task.driver.path), *run, "--port", str(port), *clock, *options]
 
 
 def _free_port() -> int:
