@@ -77,7 +77,7 @@ class Demonstration:
 
     Attributes:
         laps: that are recorded as they are driven.
-        recoveries: per lap that follow: the car is put beside its lane or askew, and only the way back is
+        recoveries: that follow all along the road: the car is put beside its lane or askew, and only the way back is
             recorded (NVIDIA, arXiv 1604.07316: shift and rotation; DART, arXiv 1703.09327: disturbances).
         rate: rows a second.
         speed: mph, where the road allows it.
