@@ -1,0 +1,151 @@
+"""Where the road's middle was, as a recording's own pictures show it.
+
+Seen from above and straightened along the driven path, a road is a row of stripes: land, kerb or edge
+line, asphalt, and the same again in reverse. Its middle is the axis of that symmetry. It is followed
+through a drive by dynamic programming (R. Bellman, Dynamic Programming, 1957): strong and symmetric
+edges a constant distance apart, with as little wandering from row to row as they allow.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pilot import camera
+from pilot.camera import AHEAD_OF_REAR_AXLE, COLUMNS
+from pilot.evaluation.reference_path import Array, Line, Motion, fit_line
+from pilot.frames import Frame, read_frame
+
+CELL = 0.1  # metres
+ACROSS = np.arange(-90, 91) * CELL  # metres right of the line
+AHEAD = np.arange(3.0, 8.01, 0.5)  # metres from the camera: nearer lies the bonnet, farther hills matter
+BONNET = 133  # row at which it begins
+PLACES = np.arange(-40, 41) * CELL  # metres right of the line, where the middle is looked for
+HALF_WIDTHS = np.arange(30, 61) * CELL  # metres; less would find the lanes of a road
+REACH = 4  # cells on each side of an edge that are compared
+STRONG = 30.0  # grey levels; a stronger edge counts no more
+JUMPS = (-3, -2, -1, 1, 2, 3)  # cells from one row to the next
+STIFFNESS = 1.0  # cost of a metre aside on a metre driven
+NEARNESS = 0.02  # cost of a metre from the line, where nothing is seen
+OVERALL = 0.1  # weight of the symmetry of all stripes beside that of the road's edges
+
+PATH_SPREAD = 1.5  # metres that a driver strays from the road's middle, as far as nothing else is known
+SIGHT_SPREAD = 0.5  # metres by which the middle is seen wrong
+ROUNDS = 3  # of straightening along the line and finding a better one
+
+
+@dataclass(frozen=True)
+class Road:
+    """The road of a drive.
+
+    Attributes:
+        line: the road's middle, and where the recorded car stood beside it.
+        half_width: metres from the middle to the edge that shows most clearly.
+        clarity: 0..1, how strong and symmetric that edge was where it was looked for, in the mean.
+    """
+
+    line: Line
+    half_width: float
+    clarity: float
+
+
+def find_road(pictures: Sequence[str], motion: Motion) -> Road:
+    """The road's middle, from the centre camera's picture files and the motion of the car.
+
+    Raises:
+        UnreadableImage: a picture cannot be read.
+    """
+    count = len(pictures)
+    line = fit_line(motion, np.zeros(count), np.full(count, PATH_SPREAD))
+    for _ in range(ROUNDS):
+        poses = zip(pictures, line.offsets, line.headings, line.curvatures, strict=True)
+        edges = np.array([_edges(_stripes(read_frame(path), *pose)) for path, *pose in poses])
+        aside, half_width = _follow(edges, motion.steps)
+        line = _robust_fit(motion, line.offsets - aside)
+    return Road(line, half_width, _clarity(edges, aside, half_width))
+
+
+def _robust_fit(motion: Motion, seen: Array) -> Line:
+    """As `fit_line`, with less and less belief in what lies far off (Cauchy's weights)."""
+    spread = np.full(len(seen), SIGHT_SPREAD)
+    for _ in range(4):
+        line = fit_line(motion, seen, spread)
+        spread = SIGHT_SPREAD * np.sqrt(1 + ((line.offsets - seen) / SIGHT_SPREAD) ** 2)
+    return line
+
+
+def _stripes(frame: Frame, offset: float, heading: float, curvature: float) -> Array:
+    """Mean colours (n x 3) along the line at `ACROSS`; NaN where the camera does not see the road."""
+    ahead = AHEAD[:, None]
+    axle = ahead + AHEAD_OF_REAR_AXLE
+    right = ACROSS - offset - heading * axle + curvature * axle**2 / 2
+    ground = np.stack([right.ravel(), np.broadcast_to(ahead, right.shape).ravel(), np.ones(right.size)])
+    u, v, w = camera.ground_to_pixel() @ ground
+    columns, rows = ((values / w).reshape(right.shape).astype(np.float32) for values in (u, v))
+    seen = ((columns >= 0) & (columns <= COLUMNS - 1) & (rows < BONNET))[..., None]
+    colours = cv2.remap(frame, columns, rows, cv2.INTER_LINEAR) * seen
+    count = seen.sum(0)
+    return np.where(count >= 2, colours.sum(0, dtype=float) / np.maximum(count, 1), np.nan)
+
+
+def _edges(stripes: Array) -> Array:
+    """How the colours change from left to right (n x 3), at most 1 long; 0 where it is not seen."""
+    sums = np.vstack([np.zeros(3), np.nancumsum(stripes, axis=0)])
+    edges = np.zeros_like(stripes)
+    edges[REACH:-REACH] = (sums[2 * REACH:-1] - 2 * sums[REACH:-REACH - 1] + sums[:-2 * REACH - 1]) / (REACH * STRONG)
+    unseen = np.convolve(np.isnan(stripes[:, 0]), np.ones(2 * REACH + 1), "same") > 0
+    edges[unseen] = 0
+    return np.asarray(edges / np.maximum(np.linalg.norm(edges, axis=1, keepdims=True), 1))
+
+
+def _follow(edges: Array, steps: Array) -> tuple[Array, float]:
+    """Where the road's middle is right of the line (n, metres), and its half width."""
+    score = np.zeros((len(HALF_WIDTHS), len(PLACES)))
+    came_by = np.zeros((len(edges), *score.shape), np.int8)
+    for row, across in enumerate(edges):
+        if row:
+            score, came_by[row] = _best_jump(score, STIFFNESS * CELL / max(steps[row - 1], 0.3))
+        score += _evidence(across)
+    width, place = np.unravel_index(score.argmax(), score.shape)
+    places = [place]
+    for row in range(len(edges) - 1, 0, -1):
+        places.append(places[-1] - came_by[row, width, places[-1]])
+    return np.asarray(PLACES[places[::-1]]), float(HALF_WIDTHS[width])
+
+
+def _best_jump(score: Array, cost: float) -> tuple[Array, NDArray[np.int8]]:
+    """For each place the best score that it can be reached with from the row before, and the jump that does."""
+    best, jumps = score.copy(), np.zeros(score.shape, np.int8)
+    for jump in JUMPS:
+        to, source = (np.s_[:, jump:], np.s_[:, :-jump]) if jump > 0 else (np.s_[:, :jump], np.s_[:, -jump:])
+        reached = score[source] - cost * abs(jump)
+        better = reached > best[to]
+        best[to][better], jumps[to][better] = reached[better], jump
+    return best, jumps
+
+
+_MIDDLE = len(ACROSS) // 2
+_LEFT = _MIDDLE + np.rint((PLACES - HALF_WIDTHS[:, None]) / CELL).astype(int)
+_RIGHT = _MIDDLE + np.rint((PLACES + HALF_WIDTHS[:, None]) / CELL).astype(int)
+_INSIDE = (_LEFT >= 0) & (len(ACROSS) > _RIGHT)
+
+
+def _evidence(edges: Array) -> Array:
+    """How much a row's edges speak for each half width and place of the middle."""
+    strength, symmetry = _pairs(edges)
+    return np.asarray(strength + symmetry + OVERALL * symmetry.clip(0).sum(0) - NEARNESS * np.abs(PLACES))
+
+
+def _pairs(edges: Array) -> tuple[Array, Array]:
+    """For each half width and place of the middle: how strong the two edges are, and how alike (-1..1)."""
+    left, right = (edges[index.clip(0, len(ACROSS) - 1)] * _INSIDE[..., None] for index in (_LEFT, _RIGHT))
+    return (np.linalg.norm(left, axis=2) + np.linalg.norm(right, axis=2)) / 2, -(left * right).sum(2)
+
+
+def _clarity(edges: Array, aside: Array, half_width: float) -> float:
+    width = round((half_width - HALF_WIDTHS[0]) / CELL)
+    places = np.rint((aside - PLACES[0]) / CELL).astype(int)
+    found = [[kind[width, place] for kind in _pairs(across)] for across, place in zip(edges, places, strict=True)]
+    return float(np.mean(found))

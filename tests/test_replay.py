@@ -1,0 +1,259 @@
+"""Replay of recordings: the road is found in them, the car goes where it is steered, and sees what it would see."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pilot.camera import SIDE_CAMERA_OFFSET, curvature_to_steering
+from pilot.driving_log import read_driving_logs
+from pilot.evaluation.reference_path import Motion, UnusableRecording, drives, fit_line, motion_of
+from pilot.evaluation.replay import (
+    UNCLEAR,
+    Moment,
+    ReplayConfig,
+    Stretch,
+    prepare,
+    replay,
+    replay_recording,
+    replay_stretches,
+)
+from pilot.evaluation.replay_view import BONNET, view, warp
+from pilot.frames import Frame, encode_frame, read_frame
+from pilot.log_format import CAMERAS
+from pilot.simulator.recording import Demonstration, RecordingWriter, demonstrate
+from pilot.simulator.simulator import Simulator
+
+ROAD = np.s_[75:132, 60:260]
+PLAN = Demonstration(laps=0.18, rate=10, wander=0.5)
+
+
+@dataclass
+class Recorded:
+    """A recording of a wandering driver on the built-in lake, and the truth about it."""
+
+    folder: Path
+    rows: pd.DataFrame
+    stretches: list[Stretch]
+    offsets: np.ndarray
+    headings: np.ndarray
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    folder = tmp_path_factory.mktemp("replay")
+    truth = []
+    with Simulator(CAMERAS) as simulator, RecordingWriter(folder) as writer:
+        simulator.reset("lake")
+        for moment in demonstrate(simulator.drive, PLAN):
+            state = simulator.drive.state
+            truth.append((state.offset, state.heading_error))
+            writer.write(simulator.look(), state.time, moment.command, state.speed)
+    rows = read_driving_logs([folder]).rows
+    return Recorded(folder, rows, prepare(rows), *np.array(truth).T)
+
+
+def difference(first: Frame, second: Frame) -> float:
+    return float(np.abs(first[ROAD].astype(float) - second[ROAD]).mean())
+
+
+class Follower:
+    """Steers as recorded, and `correction` back to where the car should be."""
+
+    def __init__(self, correction: float = 0.0) -> None:
+        self.correction, self.moments = correction, []
+
+    def watch(self, moment: Moment) -> None:
+        self.moments.append(moment)
+
+    def steer(self, _frame: Frame) -> float:
+        now, ahead = self.moments[-1], 12.0
+        back = 2 * (now.beside + ahead * now.turned) / ahead**2
+        return float(now.row["steering"]) - self.correction * curvature_to_steering(back)
+
+
+def log(moments: int = 100, rate: float = 10.0, **columns: object) -> pd.DataFrame:
+    rows = pd.DataFrame({"recording": 0, "time": np.arange(moments) / rate, "steering": 0.0, "speed": 20.0})
+    return rows.assign(**columns)
+
+
+# The path
+
+
+def test_a_pause_another_recording_and_a_leap_of_the_speed_end_a_drive() -> None:
+    rows = log(300)
+    rows.loc[100:, "time"] += 5.0
+    rows.loc[170:, "recording"] = 1
+    rows.loc[230:, "speed"] = 10.0
+    assert [len(drive) for drive in drives(rows)] == [100, 70, 60, 70]
+
+
+def test_what_is_too_short_is_left_out() -> None:
+    rows = log(100)
+    rows.loc[70:, "time"] += 5.0
+    assert [len(drive) for drive in drives(rows)] == [70]
+
+
+@pytest.mark.parametrize(("rows", "message"), [(log(rate=2.0), "2.0 rows a second"), (log(speed=math.nan), "no speed")])
+def test_a_recording_that_cannot_be_replayed_says_why(rows: pd.DataFrame, message: str) -> None:
+    with pytest.raises(UnusableRecording, match=message):
+        list(drives(rows))
+
+
+def test_a_recording_of_short_drives_only_is_refused() -> None:
+    with pytest.raises(UnusableRecording, match="five seconds"):
+        prepare(log(20))
+
+
+def test_the_line_is_smooth_where_a_keyboard_driver_weaves_along_a_bend() -> None:
+    step, bend = 1.0, 0.02
+    weave = 0.05 * np.sign(np.sin(np.arange(300) / 3))  # full pulses to the left and right
+    motion = Motion(np.full(300, 0.1), np.full(300, step), np.full(300, 10.0), bend + weave)
+    line = fit_line(motion, np.zeros(300), np.full(300, 1.5))
+    middle = slice(30, 270)
+    assert line.curvatures[middle] == pytest.approx(bend, abs=0.004)
+    assert np.ptp(line.headings[middle]) > 0.2
+
+
+def test_the_line_follows_where_the_car_was_seen_not_only_where_it_steered() -> None:
+    truth = 1.5 * np.sin(np.arange(300) / 40)
+    motion = Motion(np.full(300, 0.1), np.full(300, 1.0), np.full(300, 10.0), np.gradient(np.gradient(truth)))
+    seen = truth + np.random.default_rng(0).normal(0, 0.5, 300)
+    line = fit_line(motion, seen, np.full(300, 0.5))
+    assert np.abs(line.offsets - truth).mean() < 0.15
+    middle = slice(10, 290)
+    assert line.headings[middle] == pytest.approx(np.gradient(truth)[middle], abs=0.05)
+
+
+# The road
+
+
+def test_the_roads_middle_is_found_where_it_is(recorded: Recorded) -> None:
+    [stretch] = recorded.stretches
+    assert np.abs(stretch.road.line.offsets - recorded.offsets).mean() < 0.25
+    assert np.corrcoef(stretch.road.line.offsets, recorded.offsets)[0, 1] > 0.8
+    assert np.abs(stretch.road.line.headings - recorded.headings).mean() < 0.03
+    assert stretch.road.half_width == pytest.approx(4.8, abs=0.3)
+    assert stretch.road.clarity > UNCLEAR
+
+
+def test_where_no_road_is_seen_its_middle_is_unclear(recorded: Recorded, tmp_path: Path) -> None:
+    rows = recorded.rows.iloc[:80].assign(center=recorded.rows["center"].iloc[0])
+    assert prepare(rows)[0].road.clarity > UNCLEAR
+    (tmp_path / "grey.jpg").write_bytes(encode_frame(np.full((160, 320, 3), 128, np.uint8)))
+    assert prepare(rows.assign(center=str(tmp_path / "grey.jpg")))[0].road.clarity < UNCLEAR
+
+
+# What is seen
+
+
+@pytest.mark.parametrize(("side", "offset"), [("left", -SIDE_CAMERA_OFFSET), ("right", SIDE_CAMERA_OFFSET)])
+def test_the_centre_picture_moved_to_a_side_camera_is_that_cameras_picture(
+    recorded: Recorded, side: str, offset: float
+) -> None:
+    errors = []
+    for _, row in recorded.rows.iloc[20::20].iterrows():
+        centre, aside = read_frame(row["center"]), read_frame(row[side])
+        errors.append((difference(centre, aside), difference(warp(centre, offset, 0.0), aside)))
+        seen = view({name: row[name] for name in CAMERAS}, offset, 0.0)
+        assert difference(seen, aside) < 1.0  # the nearer camera's own picture
+        np.testing.assert_array_equal(seen[BONNET:], centre[BONNET:])
+    unwarped, warped = np.mean(errors, axis=0)
+    assert warped < 0.55 * unwarped
+
+
+@pytest.mark.parametrize("degrees", [-8.0, 8.0])
+def test_a_turned_car_sees_sky_and_road_turned(degrees: float) -> None:
+    with Simulator() as simulator:
+        simulator.reset("lake")
+        simulator.drive.place(30.0)
+        straight = simulator.look()["center"]
+        simulator.drive.place(30.0, heading_error=math.radians(degrees))
+        turned = simulator.look()["center"]
+    warped = warp(straight, 0.0, math.radians(degrees))
+    for part in (ROAD, np.s_[20:55, 60:260]):
+        unlike, like = (np.abs(frame[part].astype(float) - turned[part]).mean() for frame in (straight, warped))
+        assert like < 0.6 * unlike
+
+
+def test_without_side_cameras_the_centre_picture_is_warped(recorded: Recorded) -> None:
+    centre = recorded.rows["center"].iloc[50]
+    seen = view({"center": centre, "left": "", "right": ""}, 1.0, 0.05)
+    np.testing.assert_array_equal(seen, warp(read_frame(centre), 1.0, 0.05))
+
+
+# The car
+
+
+def test_the_recorded_steering_drives_the_recorded_path(recorded: Recorded) -> None:
+    follower = Follower()
+    result = replay_stretches(recorded.stretches, follower.steer, watch=follower.watch)
+    [stretch], [driven] = recorded.stretches, result.drives
+    assert not driven.interventions
+    assert result.driver_failed == 0
+    np.testing.assert_allclose(driven.offsets, stretch.road.line.offsets - stretch.lane, atol=1e-9)
+    np.testing.assert_array_equal(follower.moments[40].frame[ROAD], read_frame(recorded.rows["center"][40])[ROAD])
+    assert result.scores("lake").distance == pytest.approx(PLAN.laps * 1137, rel=0.05)
+
+
+def test_always_straight_leaves_the_road_in_a_bend(recorded: Recorded) -> None:
+    result = replay_stretches(recorded.stretches, lambda _: 0.0)
+    scores = result.scores("lake")
+    assert scores.interventions >= 3
+    assert scores.autonomy == pytest.approx((1 - scores.interventions * 6 / scores.seconds) * 100)
+    assert scores.offset_max > 2.5
+    for failure in result.drives[0].interventions:
+        index = int(np.searchsorted(result.drives[0].times, failure.time))
+        assert abs(result.drives[0].offsets[index]) > ReplayConfig().limit
+        assert abs(result.drives[0].offsets[index + 1]) < 0.5  # put back
+
+
+def test_steering_to_the_right_goes_to_the_right(recorded: Recorded) -> None:
+    follower = Follower()
+    right = replay_stretches(recorded.stretches, lambda frame: follower.steer(frame) + 0.1, watch=follower.watch)
+    as_recorded = recorded.stretches[0].road.line.offsets - recorded.stretches[0].lane
+    assert right.drives[0].offsets[60] > as_recorded[60] + 0.5
+
+
+@pytest.mark.parametrize("start", [-1.5, 1.5])
+def test_a_start_beside_the_road_is_corrected_by_who_steers_back(recorded: Recorded, start: float) -> None:
+    ends = {}
+    for correction in (0.0, 1.0):
+        follower = Follower(correction)
+        result = replay_stretches(recorded.stretches, follower.steer, ReplayConfig(start=start), follower.watch)
+        assert result.drives[0].offsets[0] == pytest.approx(start)
+        ends[correction] = float(np.mean([abs(moment.beside) for moment in follower.moments[60:90]]))
+    assert ends[1.0] < 0.2
+    assert ends[0.0] > 3 * ends[1.0]
+
+
+def test_a_recording_is_replayed_from_its_folder_like_its_rows(recorded: Recorded) -> None:
+    few = recorded.rows.iloc[:60]
+    by_rows = replay(few, lambda _: 0.01)
+    (recorded.folder / "short").mkdir()
+    lines = (recorded.folder / "driving_log.csv").read_text().splitlines(keepends=True)[:60]
+    (recorded.folder / "short" / "driving_log.csv").write_text("".join(lines))
+    (recorded.folder / "short" / "IMG").symlink_to(recorded.folder / "IMG")
+    by_folder = replay_recording(recorded.folder / "short", lambda _: 0.01)
+    np.testing.assert_array_equal(by_rows.drives[0].offsets, by_folder.drives[0].offsets)
+
+
+@pytest.mark.parametrize("config", [ReplayConfig(limit=0.0), ReplayConfig(limit=9.0), ReplayConfig(start=-3.5)])
+def test_a_limit_or_start_that_makes_no_sense_is_refused(recorded: Recorded, config: ReplayConfig) -> None:
+    with pytest.raises(ValueError, match="limit|start"):
+        replay_stretches(recorded.stretches, lambda _: 0.0, config)
+
+
+def test_the_real_lake_is_clear_and_its_driver_hardly_fails(request: pytest.FixtureRequest) -> None:
+    recordings = request.config.getoption("--recordings")
+    if recordings is None:
+        pytest.skip("needs real recordings: pytest --recordings DIR")
+    stretches = prepare(read_driving_logs([recordings / "lake"]).rows.iloc[:600])
+    follower = Follower()
+    result = replay_stretches(stretches, follower.steer, watch=follower.watch)
+    assert result.clarity > UNCLEAR
+    assert result.driver_failed < 0.02
+    assert motion_of(stretches[0].rows).steps.sum() == pytest.approx(result.scores("lake").distance, rel=0.01)
