@@ -125,11 +125,11 @@ def check_roads(config: EvaluationConfig) -> list[Road]:
     Raises:
         ValueError: there is no such track.
     """
-    from pilot.evaluation.pictures import track_named
+    from pilot.simulator.catalogue import load_track
 
     tracks = expand_tracks(config.tracks)
     for track in tracks:
-        track_named(track)
+        load_track(track)
     if not tracks:
         raise ValueError("--tracks: where to? Such as: --tracks lake jungle random:0-4")
     return [Road(track, light) for track in tracks for light in config.lights or (None,)]
@@ -176,26 +176,28 @@ def drive_all(config: EvaluationConfig, tasks: "dict[tuple[str, Road], list[Task
     """Do the drives of every model and road, several at the same time, with a bar."""
     from tqdm import tqdm
 
-    from pilot.evaluation.closed_loop import run, run_all
+    from pilot.evaluation.closed_loop import run
     from pilot.evaluation.over_socket import run_over_socket
+    from pilot.workers import run_jobs
 
-    jobs, one = config.jobs or os.cpu_count() or 1, run_over_socket if config.socket else run
+    one = run_over_socket if config.socket else run
     every = [task for part in tasks.values() for task in part]
-    done = dict(tqdm(run_all(every, jobs, one), "driving", len(every), unit=" drives", leave=False))
+    done = dict(tqdm(run_jobs(one, every, config.jobs), "driving", len(every), unit=" drives", leave=False))
     numbers = iter(range(len(every)))
     return {key: [done[next(numbers)] for _ in part] for key, part in tasks.items()}
 
 
 def report(folder: Path, name: str, driven: "dict[Road, list[Driven]]") -> "Evaluation":
     """Measure what a model drove, and draw it into a folder."""
-    from pilot.evaluation.pictures import draw_drives, track_named
+    from pilot.evaluation.pictures import draw_drives
     from pilot.evaluation.scores import measure
     from pilot.evaluation.table import Evaluation
     from pilot.plots import save
+    from pilot.simulator.catalogue import load_track
 
     rows = {road: measure(road.title, drives) for road, drives in driven.items()}
     for road, scores in rows.items():
-        figure = draw_drives(f"{name}, {road.title}", track_named(road.track), driven[road], scores)
+        figure = draw_drives(f"{name}, {road.title}", load_track(road.track), driven[road], scores)
         save(figure, folder / f"{road.file}.png")
     total = measure("all", [drive for drives in driven.values() for drive in drives])
     return Evaluation(name, tuple(rows.values()), total)

@@ -19,6 +19,7 @@ HEIGHT = 1.3  # metres above the road
 PITCH, ROLL, YAW = math.radians(8.5), math.radians(-1.2), math.radians(1.2)  # pitch: downwards
 AHEAD_OF_REAR_AXLE = 2.6  # metres, camera from rear axle
 SIDE_CAMERA_OFFSET = 0.82  # metres, left and right camera from the middle one
+CAMERA_OFFSETS = {"center": 0.0, "left": -SIDE_CAMERA_OFFSET, "right": SIDE_CAMERA_OFFSET}  # to the right
 
 WHEELBASE = 2.87  # metres
 FULL_LOCK = math.radians(25.0)  # steering of 1

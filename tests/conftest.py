@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
+from pilot.simulator.track import STEP, Track
+
 REPOSITORY = Path(__file__).parents[1]
 
 
@@ -69,3 +71,10 @@ def recording(tmp_path: Path) -> Recording:
         return folder
 
     return write
+
+
+def straightest(track: Track) -> float:
+    """Where the next 30 m of a road are as straight as they get, metres from its start."""
+    bend = np.abs(track.curvatures)
+    ahead = np.stack([np.roll(bend, -shift) for shift in range(round(30 / STEP))]).max(0)
+    return float(ahead.argmin()) * STEP

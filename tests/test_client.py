@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 import pytest
 from conftest import REPOSITORY, picture
+from wire import free_port
 
 from pilot.camera import curvature_to_steering
 from pilot.simulator.client import Client, build_telemetry, parse_steer
@@ -29,12 +30,6 @@ RADIUS = 60.0
 EXPERT = curvature_to_steering(1 / RADIUS)
 FRAME = picture(0.2)
 Answer = Callable[[dict[str, str]], str | None]
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def circle(height: float = 0.0) -> Track:

@@ -10,13 +10,14 @@ from conftest import picture
 
 from pilot.checkpoint import Model, save_model
 from pilot.controller import SpeedConfig
-from pilot.evaluation.closed_loop import Delay, ModelDriver, Referee, Steer, Task, drive_laps, expert_driver, run_all
+from pilot.evaluation.closed_loop import Delay, ModelDriver, Referee, Steer, Task, drive_laps, expert_driver, run
 from pilot.evaluation.over_socket import run_over_socket
 from pilot.evaluation.plan import Setup, expand_tracks
 from pilot.evaluation.scores import Driven, Scores, measure
 from pilot.networks import build_network
 from pilot.simulator.drive import Drive
 from pilot.simulator.track import Track, closed_road
+from pilot.workers import run_jobs
 
 FRAME = picture(0.0)
 SETUP = Setup(laps=1.0, speed=SpeedConfig(speed=20.0))
@@ -128,7 +129,7 @@ def test_a_driver_that_fails_ends_the_evaluation(winding: Track) -> None:
 def test_side_by_side_or_one_after_another_the_scores_are_the_same() -> None:
     setup = Setup(laps=0.01, lost_frames=0.3)
     tasks = [Task(expert_driver, track, setup, start=start) for track, start in (("mountain", 1), ("mountain", 2))]
-    alone, together = (dict(run_all(tasks, jobs)) for jobs in (1, 2))
+    alone, together = (dict(run_jobs(run, tasks, jobs)) for jobs in (1, 2))
     first, second = ([measure("", [driven[number]]) for number in range(2)] for driven in (alone, together))
     assert first == second
     assert first[0] != first[1]  # each from its own start place

@@ -4,7 +4,8 @@ import pytest
 from test_client import circle
 
 from pilot.simulator.car import TICK
-from pilot.simulator.controls import LONGEST_FRAME, MOUSE_SPAN, Controls, HandDriving, Pad
+from pilot.simulator.clock import LONGEST_FRAME
+from pilot.simulator.controls import MOUSE_SPAN, Controls, HandDriving, Pad
 from pilot.simulator.drive import Drive
 
 

@@ -4,7 +4,6 @@ import contextlib
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -12,17 +11,13 @@ from pathlib import Path
 
 import pytest
 from conftest import REPOSITORY
+from wire import free_port
 
 LAPS = 3
 
 
 def command(script: str, *arguments: str) -> list[str]:
     return [sys.executable, str(REPOSITORY / script), *arguments]
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return int(server.getsockname()[1])
 
 
 @contextlib.contextmanager

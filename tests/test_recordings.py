@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from conftest import straightest
 
 from pilot import camera
 from pilot.driving_log import read_driving_logs
@@ -75,8 +76,7 @@ def test_the_built_in_lakes_lines_meet_the_border_where_the_real_ones_do(recordi
     real = [found for path in rows["center"][straight] if (found := line_rows(read_frame(path)))]
     with Simulator() as simulator:
         simulator.reset("lake")
-        bend = np.abs(simulator.drive.track.curvatures)
-        start = float(np.stack([np.roll(bend, -ahead) for ahead in range(60)]).max(0).argmin()) / 2
+        start = straightest(simulator.drive.track)
         differences = []
         for found in real:
             simulator.drive.place(start, -offset_in(found))

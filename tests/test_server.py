@@ -4,7 +4,6 @@ import base64
 import json
 import re
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -17,7 +16,7 @@ import pytest
 from conftest import REPOSITORY, picture
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from wire import WireClient, drive, telemetry
+from wire import WireClient, drive, free_port, telemetry
 
 from pilot.checkpoint import Model, save_model
 from pilot.driving_log import read_driving_logs
@@ -26,12 +25,6 @@ from pilot.networks import build_network
 
 IMAGE = encode_frame(picture(0.2))
 MESSAGE = "42" + json.dumps(["telemetry", telemetry(IMAGE)])
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class Server:

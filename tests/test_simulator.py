@@ -6,6 +6,7 @@ import math
 import cv2
 import numpy as np
 import pytest
+from conftest import straightest
 
 from pilot.camera import SIDE_CAMERA_OFFSET, ground_to_pixel, viewpoint_homography
 from pilot.log_format import CAMERAS
@@ -61,16 +62,9 @@ def test_a_side_camera_sees_what_the_middle_one_sees_from_there(simulator: Simul
     assert difference(simulator.look()["center"], seen) < 1.0
 
 
-def straightest(simulator: Simulator) -> float:
-    """Where the next 30 m are as straight as they get, metres from the start."""
-    bend = np.abs(simulator.drive.track.curvatures)
-    ahead = np.stack([np.roll(bend, -shift) for shift in range(60)]).max(0)
-    return float(ahead.argmin()) * 0.5
-
-
 def test_lines_on_the_road_are_where_the_cameras_geometry_says(simulator: Simulator) -> None:
     simulator.reset("lake")
-    simulator.drive.place(straightest(simulator))
+    simulator.drive.place(straightest(simulator.drive.track))
     frame = simulator.look()["center"].astype(int)
     yellow = frame[:, :, :2].mean(2) - frame[:, :, 2] > 60
     yellow[:, 158:162] = False
@@ -89,7 +83,7 @@ def test_lines_on_the_road_are_where_the_cameras_geometry_says(simulator: Simula
 def test_a_warped_frame_looks_like_one_taken_from_there(simulator: Simulator, offset: float, heading: float) -> None:
     """What training's shifted viewpoints and the replay of recordings rest on."""
     simulator.reset("lake")
-    start = straightest(simulator)
+    start = straightest(simulator.drive.track)
     simulator.drive.place(start)
     before = simulator.look()["center"]
     simulator.drive.place(start, offset, heading)

@@ -2,10 +2,17 @@
 
 import base64
 import json
+import socket
 import time
 from typing import Any
 
 from pilot.simulator.wire import Connection, build_frame, parse_event
+
+
+def free_port() -> int:
+    """A port that nobody listens on."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return int(server.getsockname()[1])
 
 
 def telemetry(

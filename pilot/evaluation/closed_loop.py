@@ -7,7 +7,7 @@ its speed controller and steering filter, on the simulator's clock.
 import functools
 import tempfile
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -26,7 +26,6 @@ from pilot.simulator.client import build_telemetry, parse_steer
 from pilot.simulator.drive import Drive, State
 from pilot.simulator.expert import Expert
 from pilot.simulator.simulator import TICKS, Simulator
-from pilot.workers import run_jobs
 
 PATIENCE_SECONDS, PATIENCE_METRES = 10.0, 1.0  # a car that gets on by less in this time is put back
 SLOWEST = 0.25  # share of the set speed; who is slower on average does not get to the end of his laps
@@ -251,12 +250,3 @@ def _filmed(do: Callable[..., Driven], drive: Drive, clip: Path) -> Driven:
 def film(folder: Path, clip: Path) -> None:
     """Make a clip of a recorded drive, with all instruments, at the speed of the simulator's clock."""
     make_clip(folder, clip, fps=FRAMES_PER_SECOND, overlays=Overlays(wheel=True, speed=True, path=True))
-
-
-def run_all(tasks: Sequence[Task], jobs: int, one: Callable[[Task], Driven] = run) -> Iterator[tuple[int, Driven]]:
-    """Do drives, so many at once; yields the number of each in `tasks` and its drive as it is done.
-
-    Raises:
-        ValueError, RuntimeError, OSError: what `one` raises; the others are given up.
-    """
-    return run_jobs(one, tasks, jobs)

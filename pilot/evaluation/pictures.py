@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from pilot.evaluation.scores import Array, Driven, Scores
-from pilot.simulator.catalogue import REVERSED, load_course
 from pilot.simulator.track import HALF_TRACK, Track
 
 matplotlib.use("Agg")  # files only: works without a display
@@ -34,35 +33,19 @@ def draw_drives(title: str, track: Track, drives: Sequence[Driven], scores: Scor
     return figure
 
 
-def track_named(name: str) -> Track:
-    """A road by name, in the direction of driving.
-
-    Raises:
-        ValueError: there is none of that name.
-    """
-    track = load_course(name.removesuffix(REVERSED)).track
-    return track.reversed() if name.endswith(REVERSED) else track
-
-
 def _draw_road(axis: Axes, track: Track) -> None:
-    left, right = (_closed(_beside(track, side * track.half_widths)) for side in (-1, 1))
+    left, right = (_closed(track.beside(side * track.half_widths)[:, :2]) for side in (-1, 1))
     outline = np.vstack([left, right[::-1]])
     axis.fill(outline[:, 0], outline[:, 1], color=ASPHALT, linewidth=0)
     for edge in (left, right):
         axis.plot(edge[:, 0], edge[:, 1], color=EDGE, linewidth=0.8)
     line = np.stack([left[0], right[0]])
     axis.plot(line[:, 0], line[:, 1], color="black", linewidth=2.5, solid_capstyle="butt")
-    beside = _beside(track, track.half_widths + 10)
+    beside = track.beside(track.half_widths + 10)[:, :2]
     axis.annotate("", beside[60], beside[0], arrowprops={"arrowstyle": "-|>", "color": "black"})
     axis.set_facecolor(GROUND)
     axis.set(aspect="equal", xlabel="metres to the east", ylabel="metres to the north")
     axis.margins(0.06)
-
-
-def _beside(track: Track, offsets: Array) -> Array:
-    """Points beside the middle line, metres to the right of it."""
-    right = np.column_stack([np.cos(track.headings), -np.sin(track.headings)])
-    return np.asarray(track.points[:, :2] + offsets[:, None] * right)
 
 
 def _closed(points: Array) -> Array:

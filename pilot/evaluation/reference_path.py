@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from pilot.camera import steering_to_curvature
-from pilot.simulator.car import GRAVITY, GRIP, MPH
+from pilot.samples import LONGEST_GAP
+from pilot.simulator.car import MPH, path_curvature
 
 Array = NDArray[np.float64]
 
-LONGEST_GAP = 1.0  # s between two rows of one drive
 HARDEST = 12.0  # m/s², more than tyres can do: the car was put somewhere else
 SHORTEST_DRIVE = 5.0  # s
 SLOWEST_RATE = 4.0  # rows a second; at 30 mph the car moves by 3.4 m from one to the next
@@ -99,12 +98,6 @@ def motion_of(drive: pd.DataFrame) -> Motion:
     speeds = drive["speed"].to_numpy(float) * MPH
     curvatures = [path_curvature(*moment) for moment in zip(drive["steering"], speeds, strict=True)]
     return Motion(seconds, speeds * seconds, speeds, np.array(curvatures))
-
-
-def path_curvature(steering: float, speed: float) -> float:
-    """Curvature (1/m) of the path for a steering of -1..1 at a speed in m/s: no tighter than tyres hold."""
-    tightest = GRIP[True] * GRAVITY / max(speed * speed, 1e-9)
-    return min(max(steering_to_curvature(steering), -tightest), tightest)
 
 
 def fit_line(motion: Motion, seen: Array, spread: Array) -> Line:

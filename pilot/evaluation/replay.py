@@ -24,13 +24,13 @@ from pilot.evaluation.reference_path import (
     UnusableRecording,
     drives,
     motion_of,
-    path_curvature,
 )
 from pilot.evaluation.replay_road import Road, find_road
-from pilot.evaluation.replay_view import BESIDE, view
+from pilot.evaluation.replay_view import view
 from pilot.evaluation.scores import Driven, Intervention, Scores, measure
 from pilot.frames import Frame
-from pilot.simulator.car import MPH
+from pilot.log_format import CAMERAS
+from pilot.simulator.car import MPH, path_curvature
 from pilot.simulator.track import HALF_TRACK
 
 Steer = Callable[[Frame], float]
@@ -198,7 +198,7 @@ def _replay(stretch: Stretch, steer: Steer, config: ReplayConfig, watch: Watch) 
         if stretch.failed(car.offset, config.limit):
             failed.append(index)
             car.put(0.0)
-        frame = view({name: row[name] for name in BESIDE}, car.beside, car.turned)
+        frame = view({name: row[name] for name in CAMERAS}, car.beside, car.turned)
         watch(Moment(row, frame, car.offset, car.heading, car.beside, car.turned, index / len(stretch.rows)))
         commands.append(min(max(steer(frame), -1.0), 1.0))
         car.advance(commands[-1])

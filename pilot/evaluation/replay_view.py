@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilot import camera
-from pilot.camera import COLUMNS, ROWS, SIDE_CAMERA_OFFSET, Matrix
+from pilot.camera import CAMERA_OFFSETS, COLUMNS, ROWS, Matrix
 from pilot.frames import Frame, read_frame
 
-BESIDE = {"center": 0.0, "left": -SIDE_CAMERA_OFFSET, "right": SIDE_CAMERA_OFFSET}  # metres right of the middle
 BONNET = 136  # first row in which it is seen; networks do not look at it
 
 
@@ -31,8 +30,9 @@ def view(pictures: Mapping[str, str], offset: float, heading: float) -> Frame:
     Raises:
         UnreadableImage: a picture cannot be read.
     """
-    nearest = min((name for name in BESIDE if pictures[name]), key=lambda name: abs(offset - BESIDE[name]))
-    seen = warp(read_frame(pictures[nearest]), offset - BESIDE[nearest], heading)
+    beside = {name: offset - aside for name, aside in CAMERA_OFFSETS.items() if pictures[name]}
+    nearest = min(beside, key=lambda name: abs(beside[name]))
+    seen = warp(read_frame(pictures[nearest]), beside[nearest], heading)
     if nearest != "center":
         seen[BONNET:] = read_frame(pictures["center"])[BONNET:]
     return seen

@@ -24,6 +24,12 @@ OFF_ROAD_DRAG = 0.6  # 1/s, on top
 REVERSE_BELOW = 5 * MPH  # a negative throttle brakes above and reverses below
 
 
+def path_curvature(steering: float, speed: float, *, on_road: bool = True) -> float:
+    """Curvature (1/m) of the path for a steering of -1..1 at a speed in m/s: no tighter than the tyres hold."""
+    tightest = GRIP[on_road] * GRAVITY / max(speed * speed, 1e-9)
+    return min(max(steering_to_curvature(steering), -tightest), tightest)
+
+
 @dataclass
 class Car:
     """The car's motion.
@@ -56,8 +62,7 @@ class Car:
         before = self.speed
         self._change_speed(throttle, on_road, slope)
         mean = (before + self.speed) / 2
-        sideways = GRIP[on_road] * GRAVITY / max(mean * mean, 1e-9)  # tightest curve that the tyres hold
-        self.curvature = min(max(steering_to_curvature(steering), -sideways), sideways)
+        self.curvature = path_curvature(steering, mean, on_road=on_road)
         turn = mean * self.curvature * TICK
         self.x += mean * math.sin(self.heading + turn / 2) * TICK
         self.y += mean * math.cos(self.heading + turn / 2) * TICK

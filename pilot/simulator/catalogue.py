@@ -1,14 +1,14 @@
 """The courses by name: lake, jungle, mountain, and random:SEED, any number of them."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
 
 from pilot.simulator.course import LIGHTS, Colour, Course, Grain, Look, Plant, Roadside, Stretch
-from pilot.simulator.track import Array, Track, closed_road
+from pilot.simulator.track import REVERSED, Array, Track, closed_road
 
 NAMED = ("lake", "jungle", "mountain")
-REVERSED = " reversed"
 
 LAKE = [(-30, -118, 2), (40, -122, 2), (110, -108, 2.5), (158, -62, 3), (165, 0, 3), (142, 50, 2.4), (96, 72, 2),
         (56, 86, 3), (44, 126, 4), (12, 148, 5), (-40, 146, 4), (-96, 132, 2.5), (-144, 102, 2), (-162, 50, 2),
@@ -22,6 +22,7 @@ MOUNTAIN = [(-20, -100, 0), (40, -108, 4), (96, -88, 10), (110, -40, 15), (76, -
             (-76, -32, 6), (-74, -72, 2)]
 
 
+@functools.lru_cache(32)
 def load_course(name: str) -> Course:
     """A course by name: lake, jungle, mountain or random:SEED (SEED a whole number from 0).
 
@@ -35,6 +36,16 @@ def load_course(name: str) -> Course:
     if kind == "random" and seed.isdecimal():
         return random_course(int(seed))
     raise ValueError(f"track {name!r}: there are {', '.join(NAMED)} and random:SEED, such as random:7")
+
+
+def load_track(name: str) -> Track:
+    """The road of a course, in the direction of driving: with " reversed" behind its name, the other way round.
+
+    Raises:
+        ValueError: there is none of that name.
+    """
+    track = load_course(name.removesuffix(REVERSED)).track
+    return track.reversed() if name.endswith(REVERSED) else track
 
 
 def lake() -> Course:

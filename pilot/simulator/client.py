@@ -13,18 +13,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from pilot.camera import FULL_LOCK
 from pilot.frames import Frame, encode_frame
 from pilot.interrupt import catch_interrupt
 from pilot.simulator.car import TICK
+from pilot.simulator.clock import TickClock
 from pilot.simulator.drive import Drive, State
 from pilot.simulator.wire import HOST, PORT, Link, build_event, parse_event
 
 log = logging.getLogger("pilot")
 
-FULL_LOCK = 25.0  # degrees, of the wheels at a steering of 1
 TOKENS = 2  # telemetries on their way: the real client's "open" event fires twice
 FRAME_SECONDS = 1 / 60  # between two frames, and at least between two telemetries, in real time
-LONGEST_FRAME = 1 / 3  # s that a slow frame moves the car on at most, as in Unity
 TICKS_PER_ANSWER = 2  # as fast as it goes: 40 ms, about what the real simulator takes
 OFF_ROAD_SECONDS, OFF_ROAD_METRES = 2.0, 8.0  # from either on, the car is put back onto the road
 SILENCE_SECONDS = 5.0  # without an answer: then it is said
@@ -134,7 +134,7 @@ class Client:
         self._link = Link(port, host, prompt=not realtime)
         self._watch = RoadWatch(drive)
         self._owed = 0  # telemetries that were earned and not sent yet
-        self._ahead = 0.0  # s that have passed and are not simulated yet
+        self._clock = TickClock()
         self._due = 0.0  # when the next telemetry may be sent
         self._began = self._ended = self._heard = time.monotonic()
         self._silent = False
@@ -172,10 +172,7 @@ class Client:
             self._owed += self._hear(packet)
         self._check_silence()
         if self.answers:
-            self._ahead += min(seconds, LONGEST_FRAME)
-            ticks = int(self._ahead / TICK + 1e-9)
-            self._ahead -= ticks * TICK
-            self._move(ticks)
+            self._move(self._clock.ticks(seconds))
         now = time.monotonic()
         if self._owed and now >= self._due:
             self._due = max(self._due, now - FRAME_SECONDS) + FRAME_SECONDS  # keeps the rate with uneven frames
@@ -283,8 +280,8 @@ class Client:
 
 def build_telemetry(drive: Drive, frame: Frame) -> dict[str, str]:
     """The argument of a telemetry event: all as strings, the steering in degrees, the speed in mph without a sign."""
-    state = drive.state
-    return {"steering_angle": f"{FULL_LOCK * state.steering:z.4f}", "throttle": f"{max(state.throttle, 0.0):z.4f}",
+    state, full_lock = drive.state, math.degrees(FULL_LOCK)
+    return {"steering_angle": f"{full_lock * state.steering:z.4f}", "throttle": f"{max(state.throttle, 0.0):z.4f}",
             "speed": f"{abs(state.speed):.4f}", "image": base64.b64encode(encode_frame(frame)).decode()}
 
 

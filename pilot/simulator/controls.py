@@ -3,13 +3,12 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from pilot.simulator.car import TICK
+from pilot.simulator.clock import TickClock
 from pilot.simulator.drive import Drive, State
 
 STEERING_STEP = 0.05  # per tick: so a key takes 0.4 s to full lock, as in the real simulator
 MOUSE_SPAN = 0.25  # of the window's width, that the mouse is dragged for full lock
 DEAD_ZONE = 0.1  # of a stick: worn ones do not come to rest in their middle
-LONGEST_FRAME = 1 / 3  # s that a slow frame moves the car on at most, as in Unity
 
 LEFT, RIGHT = {"arrow_left", "a"}, {"arrow_right", "d"}
 FORWARD, BACKWARD = {"arrow_up", "w"}, {"arrow_down", "s"}
@@ -95,13 +94,11 @@ class HandDriving:
 
     def __init__(self, drive: Drive, controls: Controls, on_tick: Callable[[State], None] | None = None) -> None:
         self.drive, self.controls, self.on_tick = drive, controls, on_tick
-        self._ahead = 0.0  # s that have passed and are not simulated yet
+        self._clock = TickClock()
 
     def advance(self, seconds: float) -> None:
         """Move the car by the time (s) that has passed."""
-        self._ahead += min(seconds, LONGEST_FRAME)
-        while self._ahead >= TICK - 1e-9:  # 1e-9: many short frames must add up to whole ticks
-            self._ahead -= TICK
+        for _ in range(self._clock.ticks(seconds)):
             state = self.drive.advance(*self.controls.tick())
             if self.on_tick is not None:
                 self.on_tick(state)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pilot.simulator.track import STEP, Array, Track
 
@@ -11,6 +12,7 @@ Colour = tuple[int, int, int]  # RGB, 0..255
 Grain = Literal["asphalt", "tarmac"]  # coarse or fine
 Plant = Literal["pine", "palm", "boulder"]
 Roadside = Literal["hill", "cliff", "drop", "water", "dirt", "bridge", "grove"]
+DIRT: Colour = (176, 128, 78)
 RAMP = 12.0  # metres in which one kind of roadside goes over into the next
 
 
@@ -104,18 +106,20 @@ class Course:
 
     def weight(self, kind: Roadside, side: int) -> Array:
         """How much of a kind lies on a side (-1, 1) at each of the track's points, 0..1, with soft ends."""
-        count = len(self.track.points)
-        weight = np.zeros(count)
-        for stretch in self.stretches:
-            if stretch.kind == kind and stretch.side in {0, side}:
-                inside = (np.arange(count) / count >= stretch.start) & (np.arange(count) / count < stretch.end)
-                weight = np.maximum(weight, inside)
+        weight = self._within(kind, {0, side}).astype(float)
         ramp = np.ones(int(RAMP / STEP)) / int(RAMP / STEP)
         padded = np.concatenate([weight[-len(ramp):], weight, weight[: len(ramp)]])
         return np.asarray(np.convolve(padded, ramp, "same")[len(ramp):-len(ramp)])
 
-    def on_bridge(self) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
+    def on_bridge(self) -> NDArray[np.bool_]:
         """Which of the track's points lie on a bridge."""
+        return self._within("bridge", {-1, 0, 1})
+
+    def _within(self, kind: Roadside, sides: set[int]) -> NDArray[np.bool_]:
+        """Which of the track's points lie within a stretch of a kind on one of some sides."""
         shares = np.arange(len(self.track.points)) / len(self.track.points)
-        bridges = [(shares >= part.start) & (shares < part.end) for part in self.stretches if part.kind == "bridge"]
-        return np.any(bridges, axis=0) if bridges else np.zeros(len(shares), bool)
+        within = np.zeros(len(shares), bool)
+        for stretch in self.stretches:
+            if stretch.kind == kind and stretch.side in sides:
+                within |= (shares >= stretch.start) & (shares < stretch.end)
+        return within

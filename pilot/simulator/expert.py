@@ -80,4 +80,4 @@ class Expert:
         distance = np.arange(0, 10.0 + speed * speed / (2 * BRAKING), 0.5)
         curvatures = np.abs(self.drive.track.curvature_ahead(self.drive.where.progress, len(distance) * 0.5))
         in_bend = SIDEWAYS / np.maximum(curvatures, 1e-6)
-        return min(math.sqrt(float((in_bend + 2 * BRAKING * distance[: len(in_bend)]).min())), self.speed * MPH)
+        return min(math.sqrt(float((in_bend + 2 * BRAKING * distance).min())), self.speed * MPH)

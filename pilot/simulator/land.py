@@ -6,7 +6,7 @@ import numpy as np
 
 from pilot.simulator.course import Course
 from pilot.simulator.mesh import Mesh
-from pilot.simulator.terrain import CELL, Terrain
+from pilot.simulator.terrain import CELL, Nearest, Terrain
 from pilot.simulator.textures import MEAN
 from pilot.simulator.track import Array
 
@@ -38,9 +38,7 @@ class Plants:
 
 def land_meshes(course: Course, terrain: Terrain) -> list[Mesh]:
     """The ground, and the water if there is some."""
-    rows, columns = terrain.heights.shape
-    east, north = terrain.west + CELL * np.arange(columns), terrain.south + CELL * np.arange(rows)
-    points = np.dstack([*np.meshgrid(east, north), terrain.heights])
+    points = np.dstack([terrain.grid, terrain.heights])
     # what lies wholly under the road is never seen
     seen = _quads(terrain.beyond[..., None]).max(axis=(1, 2)) > -3.0
     corners = _quads(points)[seen]
@@ -57,9 +55,7 @@ def _quads(grid: Array) -> Array:
 
 def _water(level: float, terrain: Terrain) -> Mesh:
     low = _quads(terrain.heights[..., None]).min(axis=(1, 2)) < level
-    rows, columns = terrain.heights.shape
-    east, north = np.meshgrid(terrain.west + CELL * np.arange(columns), terrain.south + CELL * np.arange(rows))
-    corners = _quads(np.dstack([east, north, np.full(terrain.heights.shape, level)]))[low]
+    corners = _quads(np.dstack([terrain.grid, np.full(terrain.heights.shape, level)]))[low]
     colours = np.broadcast_to(np.array(WATER, float) / MEAN, corners.shape)
     return Mesh("concrete", corners, colours, corners[:, :, :2] / 40.0)
 
@@ -68,13 +64,11 @@ def grow_plants(course: Course, terrain: Terrain) -> Plants:
     """Where trees or boulders stand: by the course's density, denser in groves, none on steep or wet ground."""
     random = np.random.default_rng([course.seed, 3])
     margin, width, height = SIZES[course.look.tree]
-    rows, columns = terrain.heights.shape
-    area = rows * columns * CELL**2
-    low = np.array([terrain.west, terrain.south])
-    size = CELL * np.array([columns - 1, rows - 1])
-    trials = low + size * random.uniform(0, 1, (int(4 * course.look.trees * area / 1e4), 2))
+    area = terrain.heights.size * CELL**2
+    trials = terrain.corner + terrain.size * random.uniform(0, 1, (int(4 * course.look.trees * area / 1e4), 2))
+    near = Nearest(course, trials)
     beyond = terrain.sample(terrain.beyond, trials)
-    chance = np.where(beyond < 14, 0.6, 0.28) + 0.6 * _in_grove(course, trials) * (beyond < 40)
+    chance = np.where(beyond < 14, 0.6, 0.28) + 0.6 * near.weight("grove") * (near.distance < 60) * (beyond < 40)
     stands = (beyond > max(margin - course.look.verge, CLEAR)) & (random.uniform(size=len(trials)) < chance)
     if course.water is not None:
         stands &= terrain.sample(terrain.heights, trials) > course.water + 0.6
@@ -84,15 +78,6 @@ def grow_plants(course: Course, terrain: Terrain) -> Plants:
     scale = random.uniform(0.67, 1.33, count)
     return Plants(points, width * scale, height * scale * random.uniform(0.85, 1.15, count),
                   random.uniform(0, np.pi, count), random.uniform(0.7, 1.0, count))
-
-
-def _in_grove(course: Course, points: Array) -> Array:
-    distance, index = course.track.tree.query(points)
-    heading = course.track.headings[index]
-    away = points - course.track.points[index, :2]
-    right = away[:, 0] * np.cos(heading) > away[:, 1] * np.sin(heading)
-    grove = np.where(right, course.weight("grove", 1)[index], course.weight("grove", -1)[index])
-    return np.asarray(grove * (distance < 60))
 
 
 def plant_mesh(course: Course, plants: Plants, shine: Array) -> Mesh:

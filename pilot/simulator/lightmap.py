@@ -23,18 +23,16 @@ class LightMap:
 
     Attributes:
         picture: 2048 x 2048 x 3, uint8 RGB, which the ground's colour is multiplied with; rows go north.
-        west, south, width, height: metres, what it covers.
+        corner, size: its southwestern corner and its extent to the east and north, metres.
     """
 
     picture: "np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]"
-    west: float
-    south: float
-    width: float
-    height: float
+    corner: Array
+    size: Array
 
     def texels(self, points: Array) -> Array:
         """Texture coordinates (0..1) of points (... x 3, metres)."""
-        return np.asarray((points[..., :2] - (self.west, self.south)) / (self.width, self.height))
+        return np.asarray((points[..., :2] - self.corner) / self.size)
 
     def light_at(self, points: Array) -> Array:
         """Light at points (n x 3, metres): n x 3, 0..1."""
@@ -44,16 +42,14 @@ class LightMap:
 
 def bake_light(terrain: Terrain, plants: Plants, light: Light, tree: str) -> LightMap:
     """The light on a terrain with its plants' shadows, for a sun."""
-    rows, columns = terrain.heights.shape
-    width, height = CELL * (columns - 1), CELL * (rows - 1)
-    shine = _slopes(terrain, light) * _hill_shadows(terrain, light, width, height)
+    shine = _slopes(terrain, light) * _hill_shadows(terrain, light)
     fine = np.asarray(cv2.resize(shine, (SIZE, SIZE), interpolation=cv2.INTER_LINEAR), np.float32)
     shade = np.zeros((SIZE, SIZE), np.uint8)
     _plant_shadows(shade, terrain, plants, light, crown=CROWN[tree])
     fine *= 1 - light.shadows * cv2.GaussianBlur(shade, (0, 0), 0.7).astype(np.float32) / 255
     colour = fine[:, :, None] * np.array(light.sun, np.float32) + np.array(light.ambient, np.float32)
     picture = (255 * colour).clip(0, 255).astype(np.uint8)
-    return LightMap(picture, terrain.west, terrain.south, width, height)
+    return LightMap(picture, terrain.corner, terrain.size)
 
 
 def _sun(light: Light) -> tuple[float, float, float]:
@@ -72,7 +68,7 @@ def _slopes(terrain: Terrain, light: Light) -> Array:
     return np.asarray((facing / up).clip(0, 1.25))
 
 
-def _hill_shadows(terrain: Terrain, light: Light, width: float, height: float) -> Array:
+def _hill_shadows(terrain: Terrain, light: Light) -> Array:
     """1 in the sun, less in the shadow of a hill; 512 x 512."""
     east, north, up = _sun(light)
     heights = cv2.resize(terrain.heights, (COARSE, COARSE)).astype(np.float32)
@@ -80,7 +76,7 @@ def _hill_shadows(terrain: Terrain, light: Light, width: float, height: float) -
     per_metre = up / math.hypot(east, north)
     direction = np.array([east, north]) / math.hypot(east, north)
     for distance in np.arange(1.5, REACH, 1.5):
-        shift = direction * distance * COARSE / (width, height)
+        shift = direction * distance * COARSE / terrain.size
         moved = cv2.warpAffine(heights, np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]], np.float32), (COARSE, COARSE),
                                borderMode=cv2.BORDER_REPLICATE)
         hidden = np.maximum(hidden, moved - heights - distance * per_metre)
@@ -92,11 +88,10 @@ def _plant_shadows(shade: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]", ter
     """Draw the plants' shadows, as they fall on level ground; 255 where nothing of the sun comes through."""
     east, north, up = _sun(light)
     away = -np.array([east, north]) / up  # of a shadow's tip, per metre of height
-    rows, columns = terrain.heights.shape
-    scale = SIZE / (CELL * np.array([columns - 1, rows - 1]))  # pixels a metre
+    scale = SIZE / terrain.size  # pixels a metre
     angle = math.degrees(math.atan2(away[1] * scale[1], away[0] * scale[0]))
     for point, width, height in zip(plants.points, plants.widths, plants.heights, strict=True):
-        foot = (point[:2] - (terrain.west, terrain.south)) * scale
+        foot = (point[:2] - terrain.corner) * scale
         tip = foot + away * height * crown * scale
         long = np.hypot(*(away * height * (1 - crown) * scale)) + width * 0.25 * scale[0]
         cv2.line(shade, foot.astype(int).tolist(), tip.astype(int).tolist(), 200, 2)

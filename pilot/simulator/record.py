@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from pilot.log_format import CAMERAS, LOG_NAME
-from pilot.simulator.catalogue import REVERSED
+from pilot.simulator.catalogue import NAMED
 from pilot.simulator.recording import Demonstration, RecordingWriter, demonstrate
 from pilot.simulator.simulator import Simulator
+from pilot.simulator.track import REVERSED
 from pilot.workers import run_jobs
 
 Progress = Callable[[float], None]
@@ -17,7 +18,7 @@ Progress = Callable[[float], None]
 NAMED_PLAN = Demonstration(laps=1, recoveries=40, rate=2.0, wander=0.3)
 RANDOM_PLAN = Demonstration(laps=1, recoveries=10, rate=0.8, wander=0.3)  # few rows of many roads
 DEMONSTRATIONS: dict[str, Demonstration] = {
-    **{name + way: NAMED_PLAN for name in ("lake", "jungle", "mountain") for way in ("", REVERSED)},
+    **{name + way: NAMED_PLAN for name in NAMED for way in ("", REVERSED)},
     **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_PLAN for seed in range(1000, 1030)},
 }
 

@@ -1,7 +1,8 @@
 """Recordings as the real simulator writes them: laps, and the way back from where one should not be."""
 
+import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -15,6 +16,7 @@ from pilot.simulator.drive import Drive
 from pilot.simulator.expert import Expert
 from pilot.simulator.track import HALF_TRACK
 
+REAL_RATE = 15.0  # rows a second that the real simulator records
 LONGEST_RECOVERY = 2.5  # s
 METRES_OF_A_RECOVERY = 20.0  # about, for the progress bar
 ASKEW = math.radians(6.0)  # typical heading error that is recovered from
@@ -87,7 +89,7 @@ class Demonstration:
 
     laps: float = 1.0
     recoveries: int = 0
-    rate: float = 15.0
+    rate: float = REAL_RATE
     speed: float = 30.0
     wander: float = 0.0
     seed: int = 0
@@ -120,30 +122,23 @@ class Moment:
 def demonstrate(drive: Drive, plan: Demonstration) -> Iterator[Moment]:
     """Drive as planned; stops at each moment that is to be recorded, before its command is carried out."""
     lap_share = plan.laps / (plan.laps + plan.recoveries * METRES_OF_A_RECOVERY / drive.track.length or 1)
-    for command in _laps(drive, plan):
+    expert = Expert(drive, plan.speed, plan.wander, plan.seed)
+    for command in _commands(drive, expert, plan.rate, lambda: drive.laps >= plan.laps):
         yield Moment(command, lap_share * drive.laps / plan.laps)
     for number in range(plan.recoveries):
         _displace(drive, number, plan)
-        for command in _way_back(drive, plan):
+        latest = drive.ticks + round(LONGEST_RECOVERY / TICK)
+        over = functools.partial(_recovered, drive, latest)
+        for command in _commands(drive, Expert(drive, plan.speed), plan.rate, over):
             yield Moment(command, lap_share + (1 - lap_share) * number / plan.recoveries)
 
 
-def _laps(drive: Drive, plan: Demonstration) -> Iterator[tuple[float, float]]:
-    expert = Expert(drive, plan.speed, plan.wander, plan.seed)
+def _commands(drive: Drive, expert: Expert, rate: float, over: Callable[[], bool]) -> Iterator[tuple[float, float]]:
+    """Have the expert drive until it is over; yields its command at the moments to be recorded."""
     first = drive.ticks
-    while drive.laps < plan.laps:
+    while not over():
         command = expert.command()
-        if _due(drive.ticks - first, plan.rate):
-            yield command
-        drive.advance(*command)
-
-
-def _way_back(drive: Drive, plan: Demonstration) -> Iterator[tuple[float, float]]:
-    expert = Expert(drive, plan.speed)
-    first = drive.ticks
-    while not _recovered(drive) and (drive.ticks - first) * TICK < LONGEST_RECOVERY:
-        command = expert.command()
-        if _due(drive.ticks - first, plan.rate):
+        if is_due(drive.ticks - first, rate):
             yield command
         drive.advance(*command)
 
@@ -155,16 +150,18 @@ def _displace(drive: Drive, number: int, plan: Demonstration) -> None:
     edge = float(drive.track.half_widths.min()) - HALF_TRACK
     offset, heading = float(random.uniform(-edge, edge)) - drive.track.lane, float(random.normal(0, ASKEW))
     drive.place(start, offset, heading)
-    fastest = min(Expert(drive, plan.speed).allowed_speed() / MPH, plan.speed)
+    fastest = Expert(drive, plan.speed).allowed_speed() / MPH
     drive.place(start, offset, heading, fastest * float(random.uniform(0.5, 1)))
 
 
-def _recovered(drive: Drive) -> bool:
+def _recovered(drive: Drive, latest: int) -> bool:
+    """Whether the car is back in its lane, or has had its time (ticks)."""
     state = drive.state
-    return abs(state.offset) < RECOVERED[0] and abs(state.heading_error) < RECOVERED[1]
+    back = abs(state.offset) < RECOVERED[0] and abs(state.heading_error) < RECOVERED[1]
+    return back or drive.ticks >= latest
 
 
-def _due(tick: int, rate: float) -> bool:
-    """Whether a row is to be written at a tick, at `rate` rows a second."""
+def is_due(tick: int, rate: float) -> bool:
+    """Whether a row is to be written at a tick of a recording (its first is 0), at `rate` rows a second."""
     ticks = round(1 / TICK)
     return math.floor(tick * rate / ticks) != math.floor((tick - 1) * rate / ticks)

@@ -2,7 +2,6 @@
 
 import functools
 import math
-from typing import Any
 
 import numpy as np
 from panda3d.core import (
@@ -22,11 +21,11 @@ from panda3d.core import (
 
 from pilot.camera import (
     AHEAD_OF_REAR_AXLE,
+    CAMERA_OFFSETS,
     COLUMNS,
     FOCAL_LENGTH,
     HEIGHT,
     ROWS,
-    SIDE_CAMERA_OFFSET,
     Matrix,
     camera_rotation,
 )
@@ -35,7 +34,6 @@ from pilot.simulator.bonnet import add_bonnet
 from pilot.simulator.drive import Drive
 from pilot.simulator.scene import Scene
 
-OFFSETS = {"left": -SIDE_CAMERA_OFFSET, "center": 0.0, "right": SIDE_CAMERA_OFFSET}
 NEAR, FAR = 0.4, 1200.0
 
 load_prc_file_data("", """
@@ -93,7 +91,7 @@ class Renderer:
             slope: rise over run of the ground under the car.
         """
         for name, node in zip(self.cameras, self._nodes, strict=True):
-            pose = camera_pose(x, y, z, heading, slope, offset=OFFSETS[name])
+            pose = camera_pose(x, y, z, heading, slope, offset=CAMERA_OFFSETS[name])
             node.set_mat(LMatrix4f(*pose.ravel()))
         self.scene.sky.set_pos(x, y, z + HEIGHT)
         self._engine.render_frame()
@@ -113,12 +111,6 @@ class Renderer:
     def close(self) -> None:
         """Free the buffer."""
         self._engine.remove_window(self._output)
-
-    def __enter__(self) -> "Renderer":
-        return self
-
-    def __exit__(self, *_error: Any) -> None:
-        self.close()
 
 
 def camera_pose(x: float, y: float, z: float, heading: float, slope: float, *, offset: float) -> Matrix:

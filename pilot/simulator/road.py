@@ -5,7 +5,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pilot.simulator.course import Colour, Course, Roadside
+from pilot.simulator.course import DIRT, Colour, Course, Roadside
 from pilot.simulator.mesh import Mesh
 from pilot.simulator.textures import MEAN
 from pilot.simulator.track import STEP, Array
@@ -18,7 +18,7 @@ DASH, DASH_PERIOD = 2, 6  # rows
 TILE = {"asphalt": 4.0, "tarmac": 4.0, "cobbles": 3.0, "concrete": 3.0, "ground": 6.0}  # metres that a texture covers
 KERB_RADIUS = 50.0  # metres; wider bends have no kerb
 PAINT_WIDTH = 0.16
-RED, WHITE, DIRT = (196, 60, 52), (226, 222, 214), (176, 128, 78)
+RED, WHITE = (196, 60, 52), (226, 222, 214)
 COBBLES, WALL, WALL_TOP = (158, 120, 108), (40, 40, 44), (70, 70, 76)
 
 
@@ -79,9 +79,8 @@ class _Strips:
             self.lay(texture, far, near, colour=colour, where=where, lift=lift[::-1])
 
     def _border(self, offset: Array, lift: float) -> Array:
-        headings = self.track.headings
-        right = np.column_stack([np.cos(headings), -np.sin(headings), np.zeros(len(headings))])
-        return np.asarray((self.track.points + right * offset[:, None] + (0, 0, lift))[self._points % len(headings)])
+        border = self.track.beside(offset) + np.array([0, 0, lift])
+        return np.asarray(border[self._points % len(border)])
 
 
 def _asphalt(strips: _Strips) -> None:

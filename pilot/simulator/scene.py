@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterator
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from panda3d.core import (
     TransparencyAttrib,
 )
 
-from pilot.simulator.course import LIGHTS, Course, Light
+from pilot.simulator.course import LIGHTS, Course, Light, Plant
 from pilot.simulator.drive import Drive
 from pilot.simulator.land import grow_plants, land_meshes, plant_mesh
 from pilot.simulator.lightmap import LightMap, bake_light
@@ -81,21 +82,23 @@ def _lit(node: NodePath, shine: LightMap) -> NodePath:
     stage.set_mode(TextureStage.M_modulate)
     stage.set_sort(10)
     stage.set_texcoord_name("light")
-    texture = _to_texture("light", shine.picture)
-    texture.set_wrap_u(SamplerState.WM_clamp)
-    texture.set_wrap_v(SamplerState.WM_clamp)
-    node.set_texture(stage, texture)
+    node.set_texture(stage, _clamped(_to_texture("light", shine.picture)))
     return node
 
 
 def _texture(name: str) -> Texture:
-    if name in {"pine", "palm", "boulder"}:
-        texture = _to_texture(name, plant(name)[::-1])
-        texture.set_wrap_u(SamplerState.WM_clamp)
-        texture.set_wrap_v(SamplerState.WM_clamp)
+    if name in get_args(Plant):
+        texture = _clamped(_to_texture(name, plant(name)[::-1]))
         texture.set_minfilter(SamplerState.FT_linear)  # smaller ones would blur into columns
         return texture
     return _to_texture(name, surface(name))
+
+
+def _clamped(texture: Texture) -> Texture:
+    """The texture, ending at its borders instead of being repeated."""
+    texture.set_wrap_u(SamplerState.WM_clamp)
+    texture.set_wrap_v(SamplerState.WM_clamp)
+    return texture
 
 
 def _to_texture(name: str, picture: NDArray[np.uint8]) -> Texture:

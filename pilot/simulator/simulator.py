@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 
 from pilot.frames import Frame
-from pilot.simulator.catalogue import REVERSED, load_course
+from pilot.simulator.catalogue import load_course, load_track
 from pilot.simulator.course import LIGHTS
 from pilot.simulator.drive import Drive, State
 from pilot.simulator.renderer import Renderer
 from pilot.simulator.scene import Scene
+from pilot.simulator.track import REVERSED
 
 TICKS = 2  # of 20 ms in a step: the real simulator sends some 25 frames a second
 
@@ -57,13 +58,12 @@ class Simulator:
             ValueError: there is no such track or light.
         """
         name = track.removesuffix(REVERSED)
-        course = load_course(name)
+        road = load_track(track)
         if light is not None and light not in LIGHTS:
             raise ValueError(f"light {light!r}: there are {', '.join(LIGHTS)}")
         if self._shown != (name, light):
-            self._show(Scene(course, light))
+            self._show(Scene(load_course(name), light))
             self._shown = (name, light)
-        road = course.track.reversed() if track.endswith(REVERSED) else course.track
         start = 0.0 if seed is None else float(np.random.default_rng(seed).uniform(0, road.length))
         self.drive = Drive(road, start)
         return Observation(self.look(), self.drive.state)

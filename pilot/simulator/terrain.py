@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pilot.simulator.course import Course, Roadside
+from pilot.simulator.course import DIRT, Course, Roadside
 from pilot.simulator.noise import smooth_noise
 from pilot.simulator.track import Array
 
@@ -37,6 +37,23 @@ class Terrain:
     colours: Array
     beyond: Array
 
+    @property
+    def grid(self) -> Array:
+        """Where its points lie: rows x columns x 2, metres."""
+        rows, columns = self.heights.shape
+        return np.dstack(np.meshgrid(self.west + CELL * np.arange(columns), self.south + CELL * np.arange(rows)))
+
+    @property
+    def corner(self) -> Array:
+        """Its southwestern corner, metres."""
+        return np.array([self.west, self.south])
+
+    @property
+    def size(self) -> Array:
+        """Its extent to the east and to the north, metres."""
+        rows, columns = self.heights.shape
+        return CELL * np.array([columns - 1, rows - 1])
+
     def sample(self, field: Array, points: Array) -> Array:
         """A field's values at points (n x 2, metres), between the grid's points by bilinear interpolation."""
         columns = ((points[:, 0] - self.west) / CELL).astype(np.float32)
@@ -52,51 +69,56 @@ def make_terrain(course: Course) -> Terrain:
     shape = np.ceil((course.track.points[:, :2].max(0) + MARGIN - low) / CELL).astype(int) + 1
     east, north = np.meshgrid(low[0] + CELL * np.arange(shape[0]), low[1] + CELL * np.arange(shape[1]))
     random = np.random.default_rng([course.seed, 1])
-    near = _Nearest(course, east, north)
+    near = Nearest(course, np.stack([east, north], axis=-1))
     heights = _heights(course, near, random)
     return Terrain(float(low[0]), float(low[1]), heights, _colours(course, near, heights, random), near.beyond)
 
 
-class _Nearest:
-    """For each point of a grid: the nearest of the road's points, and how far beyond the edge it lies."""
+class Nearest:
+    """For each of some points: the nearest of the road's points, and how far beyond the edge it lies.
 
-    def __init__(self, course: Course, east: Array, north: Array) -> None:
-        track = course.track
-        distance, self.index = track.tree.query(np.stack([east, north], axis=-1))
-        heading = track.headings[self.index]
-        aside = ((east - track.points[self.index, 0]) * np.cos(heading)
-                 - (north - track.points[self.index, 1]) * np.sin(heading))
-        self.right: NDArray[np.bool_] = aside > 0
-        self.beyond = distance - track.half_widths[self.index]
-        self.road = track.points[self.index, 2]
+    Attributes:
+        distance: metres from the road's middle. beyond: metres from its edge, negative on the road.
+        road: metres, height of the road there.
+    """
 
-    def weight(self, course: Course, kind: Roadside) -> Array:
+    def __init__(self, course: Course, points: Array) -> None:
+        """Search for points (... x 2, metres)."""
+        self._course, track = course, course.track
+        self.distance, self._index = track.tree.query(points)
+        heading = track.headings[self._index]
+        away = points - track.points[self._index, :2]
+        self._right: NDArray[np.bool_] = away[..., 0] * np.cos(heading) - away[..., 1] * np.sin(heading) > 0
+        self.beyond = self.distance - track.half_widths[self._index]
+        self.road = track.points[self._index, 2]
+
+    def weight(self, kind: Roadside) -> Array:
         """How much of a kind of roadside there is at each point, 0..1."""
-        left, right = course.weight(kind, -1), course.weight(kind, 1)
-        return np.asarray(np.where(self.right, right[self.index], left[self.index]))
+        left, right = self._course.weight(kind, -1), self._course.weight(kind, 1)
+        return np.asarray(np.where(self._right, right[self._index], left[self._index]))
 
 
-def _heights(course: Course, near: _Nearest, random: np.random.Generator) -> Array:
+def _heights(course: Course, near: Nearest, random: np.random.Generator) -> Array:
     rows, columns = near.beyond.shape
     rolling = smooth_noise(random, rows, columns, 5) + 0.5
     heights = near.road + course.look.relief * rolling * _smoothstep(near.beyond, 8, 60)
     for kind, (rise, reached) in RISE.items():
         height = rise * (1 + 0.35 * smooth_noise(random, rows, columns, 14, 2))
-        heights += near.weight(course, kind) * height * _smoothstep(near.beyond, LEVEL_BESIDE, LEVEL_BESIDE + reached)
+        heights += near.weight(kind) * height * _smoothstep(near.beyond, LEVEL_BESIDE, LEVEL_BESIDE + reached)
     # where two stretches of road share the land between them it must not break off in the middle
     soft = cv2.GaussianBlur(heights, (0, 0), 3.0)
     heights += (soft - heights) * _smoothstep(near.beyond, 6, 25)
     return np.asarray(np.where(near.beyond < LEVEL_BESIDE, np.minimum(heights, near.road) - BELOW_ROAD, heights))
 
 
-def _colours(course: Course, near: _Nearest, heights: Array, random: np.random.Generator) -> Array:
+def _colours(course: Course, near: Nearest, heights: Array, random: np.random.Generator) -> Array:
     rows, columns = heights.shape
     look = course.look
     grass, dry, rock = (np.array(colour, float) for colour in (look.grass, look.dry, look.rock))
     patches = _smoothstep(smooth_noise(random, rows, columns, 24), -0.2, 0.8)[..., None]
     colours = grass + (dry - grass) * patches
-    bare = near.weight(course, "dirt") * _smoothstep(-near.beyond, -26, -14)
-    colours += (np.array([176, 128, 78]) - colours) * bare[..., None]
+    bare = near.weight("dirt") * _smoothstep(-near.beyond, -26, -14)
+    colours += (np.array(DIRT) - colours) * bare[..., None]
     down, across = np.gradient(heights, CELL)
     steep = _smoothstep(np.hypot(down, across), 0.35, 0.8)
     colours += (rock - colours) * steep[..., None]

@@ -103,7 +103,6 @@ def _boulder(picture: Picture, random: np.random.Generator) -> None:
     picture[:, :, :3] = (picture[:, :, :3] * grain).clip(0, 255)
 
 
-@functools.cache
 def panorama(light: Light, land: tuple[int, int, int], seed: int) -> Picture:
     """Sky and far hazy hills all around, 256x1024x3; its lowest quarter lies below the horizon."""
     random = np.random.default_rng([seed, 2])

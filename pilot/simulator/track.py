@@ -15,6 +15,7 @@ from scipy.spatial import KDTree
 
 Array = NDArray[np.float64]
 
+REVERSED = " reversed"  # behind the name of a road that is driven the other way
 STEP = 0.5  # metres between the points that a road is kept as
 HALF_TRACK = 1.0  # metres from the middle of the car to its wheels
 TIGHTEST = 12.0  # metres, radius of a bend; the car's own least is 6.2
@@ -70,14 +71,19 @@ class Track:
         """The middle line for nearest-point searches, in x and y."""
         return KDTree(self.points[:, :2])
 
-    @property
+    @functools.cached_property
     def margins(self) -> Array:
         """Metres that a car in the middle of its lane has between its wheels and the road's edge, at each point."""
         return np.asarray(self.half_widths - abs(self.lane) - HALF_TRACK)
 
+    def beside(self, offsets: Array | float) -> Array:
+        """Points (n x 3, metres) beside the middle line; offsets in metres to the right of it."""
+        right = np.column_stack([np.cos(self.headings), -np.sin(self.headings), np.zeros(len(self.headings))])
+        return np.asarray(self.points + right * np.broadcast_to(offsets, len(self.points))[:, None])
+
     def reversed(self) -> "Track":
         """The same road driven the other way."""
-        name = self.name.removesuffix(" reversed") if self.name.endswith(" reversed") else f"{self.name} reversed"
+        name = self.name.removesuffix(REVERSED) if self.name.endswith(REVERSED) else self.name + REVERSED
         return replace(self, name=name, points=self.points[::-1], headings=self.headings[::-1] + math.pi,
                        curvatures=-self.curvatures[::-1], half_widths=self.half_widths[::-1])
 

@@ -33,7 +33,7 @@ from pilot.simulator.controls import Controls, HandDriving
 from pilot.simulator.drive import Drive, State
 from pilot.simulator.hud import Hud
 from pilot.simulator.inputs import Inputs
-from pilot.simulator.recording import RecordingWriter
+from pilot.simulator.recording import REAL_RATE, RecordingWriter, is_due
 from pilot.simulator.renderer import FAR, NEAR
 from pilot.simulator.scene import Scene
 from pilot.simulator.simulator import Simulator
@@ -43,7 +43,6 @@ log = logging.getLogger("pilot")
 SIZE = (960, 540)  # pixels
 PIPES = ("pandagl", "p3tinydisplay")  # OpenGL, or else Panda3D's software renderer
 FRAME_SECONDS = TICK  # more pictures than ticks would only show the same again
-ROWS_PER_SECOND = 15.0  # as the real simulator records
 DRIVING_KEYS, RECORDING_KEYS = "Arrows/WASD drive    Mouse held steers    ", "R record    "
 KEYS = "Backspace back to road    C camera    H help    Esc quit"
 BEHIND, ABOVE = 6.5, 2.4  # metres, chase camera from the rear axle
@@ -121,7 +120,7 @@ class Capture:
             return
         self._began = state.time if self._began is None else self._began
         seconds = state.time - self._began
-        if seconds * ROWS_PER_SECOND < self._writer.rows - 1e-9:
+        if not is_due(round(seconds / TICK), REAL_RATE):
             return
         try:
             self._writer.write(self._look(), seconds, (state.steering, state.throttle), state.speed)
