@@ -1,10 +1,12 @@
 """How well does a model drive? python evaluate.py model.pt (see --help)."""
 
 import logging
+import operator
 import os
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -13,9 +15,10 @@ import tyro
 from pilot.evaluation.plan import Setup, expand_tracks
 
 if TYPE_CHECKING:
-    from pilot.evaluation.closed_loop import MakeSteer, Task
+    from pilot.evaluation.closed_loop import MakeSteer
     from pilot.evaluation.scores import Driven
     from pilot.evaluation.table import Evaluation
+    from pilot.evaluation.trials import Trial
 
 EXPERT = Path("expert")  # as a model: the built-in simulator's expert
 TRACKS = ("lake", "lake reversed", "jungle", "jungle reversed", "mountain", "mountain reversed", "random:0-4")
@@ -23,20 +26,25 @@ TRACKS = ("lake", "lake reversed", "jungle", "jungle reversed", "mountain", "mou
 
 @dataclass(frozen=True)
 class EvaluationConfig:
-    """Have models drive in the built-in simulator, and tell how well they do.
+    """Have models drive in the built-in simulator, or replay recordings to them, and tell how well they do.
 
     The car is put back whenever it leaves the road. Same options, same figures.
     """
 
     models: tyro.conf.Positional[tuple[Path, ...]]
     """The trained models, such as model.pt; `expert` is the driver who recorded the demonstrations."""
-    tracks: tuple[str, ...] = TRACKS
-    """lake, jungle, mountain, random:SEED, or a range such as random:0-49; "lake reversed" is the other way round."""
+    tracks: tuple[str, ...] = ()
+    """lake, jungle, mountain, random:SEED, or a range such as random:0-49; "lake reversed" is the other way round.
+    Without it, and without --recordings: these three both ways round, and random:0-4."""
     lights: tuple[Literal["noon", "evening", "overcast"], ...] = ()
     """Each track in each of these; without it, in its own."""
     seeds: tuple[int, ...] = ()
     """Start places, one drive for each; without it, the start line."""
     setup: tyro.conf.OmitArgPrefixes[Setup] = field(default_factory=Setup)
+    recordings: tuple[Path, ...] = ()
+    """Recordings of people's drives to replay: the pictures are warped to where the model's car stands."""
+    last_part: float = 1.0
+    """Replay only this last share of each recording; to learn from the rest: model.py --samples.first-part."""
     socket: bool = False
     """Through the real drive.py and its socket, instead of what is in it; latency is then the wire's."""
     jobs: int | None = None
@@ -45,6 +53,15 @@ class EvaluationConfig:
     """Folder for scores.json and the pictures."""
     video: bool = False
     """Also make a clip of each drive."""
+
+    @property
+    def driven_tracks(self) -> list[str]:
+        """The tracks, one by one.
+
+        Raises:
+            ValueError: a range is empty or absurd.
+        """
+        return expand_tracks(self.tracks or (() if self.recordings else TRACKS))
 
     def check(self) -> None:
         """Refuse what cannot be driven.
@@ -61,26 +78,10 @@ class EvaluationConfig:
             raise ValueError(f"--seeds {min(self.seeds)}: must not be negative")
         if self.socket and (self.setup.latency_ms, self.setup.lost_frames) != (Setup.latency_ms, Setup.lost_frames):
             raise ValueError("--socket: --latency-ms and --lost-frames are for drives without it")
-        if self.socket and EXPERT in self.models:
-            raise ValueError("--socket: the expert drives only without it")
-
-
-@dataclass(frozen=True)
-class Road:
-    """A row of the table: a track in a light."""
-
-    track: str
-    light: str | None
-
-    @property
-    def title(self) -> str:
-        """As the table names it."""
-        return self.track + (f", {self.light}" if self.light else "")
-
-    @property
-    def file(self) -> str:
-        """As its pictures are called."""
-        return self.title.replace(",", "").replace(":", "-").replace(" ", "-")
+        if EXPERT in self.models and (self.socket or self.recordings):
+            raise ValueError("the expert knows the road of the built-in simulator: not with --socket or --recordings")
+        if not 0 < self.last_part <= 1:
+            raise ValueError(f"--last-part {self.last_part:g}: must be greater than 0, and at most 1")
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -108,40 +109,62 @@ def evaluate(config: EvaluationConfig) -> None:
     # imported here: --help and wrong options need not wait for torch
     from pilot.evaluation.table import table, verdict, write_json
 
-    roads, names = check_roads(config), name_models(config.models)
+    names = name_paths(config.models)
     drivers = {name: make_driver(path) for name, path in zip(names, config.models, strict=True)}
-    tasks = {(name, road): make_tasks(config, driver, road, config.out / name)
-             for road in roads for name, driver in drivers.items()}
-    driven = drive_all(config, tasks)
-    evaluations = [report(config.out / name, name, {road: driven[name, road] for road in roads}) for name in names]
+    trials = [*track_trials(config), *recording_trials(config)]
+    driven = drive_all(config, drivers, trials)
+    evaluations = [report(config.out / name, name, {trial: driven[name, trial.title] for trial in trials})
+                   for name in names]
     write_json(config.out / "scores.json", evaluations, asdict(config))
     print(table(evaluations), "", *map(verdict, evaluations), sep="\n")
     print(f"figures and pictures: {config.out}{os.sep}")
 
 
-def check_roads(config: EvaluationConfig) -> list[Road]:
+def track_trials(config: EvaluationConfig) -> "list[Trial]":
     """Where to drive.
 
     Raises:
         ValueError: there is no such track.
     """
+    from pilot.evaluation.trials import TrackTrial
     from pilot.simulator.catalogue import load_track
 
-    tracks = expand_tracks(config.tracks)
-    for track in tracks:
+    for track in config.driven_tracks:
         load_track(track)
-    if not tracks:
-        raise ValueError("--tracks: where to? Such as: --tracks lake jungle random:0-4")
-    return [Road(track, light) for track in tracks for light in config.lights or (None,)]
+    return [TrackTrial(track, light, config.seeds or (None,), config.setup, config.socket)
+            for track in config.driven_tracks for light in config.lights or (None,)]
 
 
-def name_models(paths: Sequence[Path]) -> list[str]:
-    """A name for each model, which is that of its folder in the report too: as short as tells them apart."""
+def recording_trials(config: EvaluationConfig) -> "list[Trial]":
+    """What to replay: the road is found in each first, which takes a while.
+
+    Raises:
+        NoUsableData, UnusableRecording: it cannot be replayed.
+    """
+    from tqdm import tqdm
+
+    from pilot.evaluation.trials import prepare_trial
+    from pilot.workers import run_jobs
+
+    folders = [folder.resolve() for folder in config.recordings]
+    named = list(zip(name_paths(folders), folders, strict=True))
+    found = run_jobs(partial(prepare_trial, config.last_part), named, config.jobs)
+    prepared = dict(tqdm(found, "finding the road", len(config.recordings), unit=" recordings", leave=False,
+                         disable=not config.recordings))
+    return [prepared[number] for number in range(len(config.recordings))]
+
+
+def name_paths(paths: Sequence[Path]) -> list[str]:
+    """A name for each model or recording, which its pictures have too: as short as tells them apart.
+
+    Raises:
+        ValueError: one of them is named twice.
+    """
     stems = [path.stem for path in paths]
     names = [stem if stems.count(stem) == 1 else "-".join(path.with_suffix("").parts).strip(os.sep + "-")
              for stem, path in zip(stems, paths, strict=True)]
     if len(set(names)) < len(names):
-        raise ValueError("a model is named twice")
+        raise ValueError("a model or a recording is named twice")
     return names
 
 
@@ -160,45 +183,32 @@ def make_driver(path: Path) -> "MakeSteer":
     return ModelDriver(path)
 
 
-def make_tasks(config: EvaluationConfig, driver: "MakeSteer", road: Road, folder: Path) -> "list[Task]":
-    """The drives of a model on a road, one for each start place."""
-    from pilot.evaluation.closed_loop import Task
-
-    tasks = []
-    for seed in config.seeds or (None,):
-        clip = folder / f"{road.file}{'' if seed is None else f'-{seed}'}.mp4"
-        tasks.append(Task(driver, road.track, config.setup, road.light, seed, clip if config.video else None))
-    return tasks
-
-
-def drive_all(config: EvaluationConfig, tasks: "dict[tuple[str, Road], list[Task]]",
-              ) -> "dict[tuple[str, Road], list[Driven]]":
-    """Do the drives of every model and road, several at the same time, with a bar."""
+def drive_all(config: EvaluationConfig, drivers: "dict[str, MakeSteer]", trials: "Sequence[Trial]",
+              ) -> "dict[tuple[str, str], list[Driven]]":
+    """Do the drives of every model and trial, several at the same time, with a bar; by model and title."""
     from tqdm import tqdm
 
-    from pilot.evaluation.closed_loop import run
-    from pilot.evaluation.over_socket import run_over_socket
     from pilot.workers import run_jobs
 
-    one = run_over_socket if config.socket else run
-    every = [task for part in tasks.values() for task in part]
-    done = dict(tqdm(run_jobs(one, every, config.jobs), "driving", len(every), unit=" drives", leave=False))
-    numbers = iter(range(len(every)))
-    return {key: [done[next(numbers)] for _ in part] for key, part in tasks.items()}
+    jobs = [((name, trial.title), job) for trial in trials for name, driver in drivers.items()
+            for job in trial.jobs(driver, config.out / name if config.video else None)]
+    done = dict(tqdm(run_jobs(operator.call, [job for _, job in jobs], config.jobs), "driving", len(jobs),
+                     unit=" drives", leave=False))
+    driven: dict[tuple[str, str], list[Driven]] = {key: [] for key, _ in jobs}
+    for number, (key, _) in enumerate(jobs):
+        driven[key] += done[number]
+    return driven
 
 
-def report(folder: Path, name: str, driven: "dict[Road, list[Driven]]") -> "Evaluation":
+def report(folder: Path, name: str, driven: "dict[Trial, list[Driven]]") -> "Evaluation":
     """Measure what a model drove, and draw it into a folder."""
-    from pilot.evaluation.pictures import draw_drives
     from pilot.evaluation.scores import measure
     from pilot.evaluation.table import Evaluation
     from pilot.plots import save
-    from pilot.simulator.catalogue import load_track
 
-    rows = {road: measure(road.title, drives) for road, drives in driven.items()}
-    for road, scores in rows.items():
-        figure = draw_drives(f"{name}, {road.title}", load_track(road.track), driven[road], scores)
-        save(figure, folder / f"{road.file}.png")
+    rows = {trial: measure(trial.title, drives) for trial, drives in driven.items()}
+    for trial, scores in rows.items():
+        save(trial.draw(f"{name}, {trial.title}", driven[trial], scores), folder / f"{trial.file}.png")
     total = measure("all", [drive for drives in driven.values() for drive in drives])
     return Evaluation(name, tuple(rows.values()), total)
 

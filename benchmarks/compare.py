@@ -61,7 +61,7 @@ def measure(config: TrainingConfig, rows: pd.DataFrame) -> dict[str, float]:
     run, began = Training(config, training, validation), time.monotonic()
     run.run(lambda _: None, lambda batches, count, title: tqdm(batches, title, count, leave=False))
     seconds = time.monotonic() - began
-    run.best_network()
+    run.take(run.best)
     measured = report.measure(run)
     smoothed = {f"smooth_{name}": value for name, value in asdict(measured.smoothed).items() if name != "count"}
     return {"parameters": count_parameters(run.network), "samples": len(training),

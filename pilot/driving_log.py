@@ -92,6 +92,13 @@ def read_driving_logs(folders: Sequence[Path], progress: Progress | None = None)
     return DrivingLog(rows, recordings, left_out)
 
 
+def part_of_each(rows: pd.DataFrame, begin: float, end: float) -> pd.DataFrame:
+    """The rows of each recording from one share of it to another (0..1), in the order of recording."""
+    recording = rows.groupby("recording")["recording"]
+    share = recording.cumcount() / recording.transform("size")
+    return rows[(share >= begin) & (share < end)].reset_index(drop=True)
+
+
 def _nothing_usable(logs: Sequence[Path], left_out: Sequence[Counter[str]]) -> str:
     reasons = "; ".join(
         f"{log}: " + (", ".join(f"{reason} ({count})" for reason, count in counts.items()) or "no rows")

@@ -95,17 +95,27 @@ def _draw_tile(axis: Axes, title: str, frame: Frame, steering: float, rows: tupl
 
 
 def training_curves(history: Sequence[dict[str, float]], best_epoch: int, baseline: float) -> Figure:
-    """Errors over the epochs, with the epoch that was kept and the error of always answering the mean."""
+    """Errors over the epochs, with the epoch that was kept and the error of always answering the mean.
+
+    Where the epochs were driven, too, how well they drove.
+    """
     table = pd.DataFrame(history)
-    figure = Figure((8, 4.5), layout="constrained")
-    axis = figure.subplots()
-    axis.plot(table["epoch"], table["training_mse"], "o-", label="training (augmented)")
-    axis.plot(table["epoch"], table["validation_mse"], "o-", label="validation")
-    axis.axhline(baseline, color="grey", linestyle="--", label="validation, always the mean")
-    axis.axvline(best_epoch, color="tab:green", linestyle=":", label=f"kept: epoch {best_epoch}")
-    axis.set(xlabel="epoch", ylabel="mean squared error of the steering", yscale="log")
-    axis.grid(alpha=0.3)
-    axis.legend()
+    driven = "offset" in table
+    figure = Figure((8, 7.5 if driven else 4.5), layout="constrained")
+    axes = figure.subplots(1 + driven, squeeze=False)[:, 0]
+    axes[0].plot(table["epoch"], table["training_mse"], "o-", label="training (augmented)")
+    axes[0].plot(table["epoch"], table["validation_mse"], "o-", label="validation")
+    axes[0].axhline(baseline, color="grey", linestyle="--", label="validation, always the mean")
+    axes[0].set(ylabel="mean squared error of the steering", yscale="log")
+    if driven:
+        axes[1].bar(table["epoch"], table["interventions"], color="tab:red", alpha=0.4, label="interventions")
+        axes[1].plot(table["epoch"], table["offset"], "o-", color="tab:purple", label="mean offset, m")
+        axes[1].set(ylabel="on short drives", ylim=(0, None))
+    for axis in axes:
+        axis.axvline(best_epoch, color="tab:green", linestyle=":", label=f"kept: epoch {best_epoch}")
+        axis.set(xlabel="epoch")
+        axis.grid(alpha=0.3)
+        axis.legend()
     return figure
 
 

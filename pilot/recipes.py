@@ -47,6 +47,10 @@ class TrainingConfig:
     a falling learning rate the error settles only in the last epochs."""
     min_delta: float = 1e-5
     """How much smaller the validation error must be to count as better."""
+    select: Literal["error", "driving", "replay"] = "error"
+    """Which epoch is kept: that of the lowest validation error; that which drives best on short stretches of unseen
+    built-in roads (for networks that learn from the built-in simulator); or that which drives best when the
+    recordings' validation blocks are replayed to it. The lowest error's is then kept, too, in the report's folder."""
     seed: int = 0
     """Seed of everything random: same seed, same split, same model (on a CPU)."""
     device: str = "auto"
@@ -67,16 +71,20 @@ class TrainingConfig:
         positive = {"epochs": self.epochs, "batch-size": self.batch_size, "learning-rate": self.learning_rate,
                     "patience": self.patience, "huber-delta": self.huber_delta,
                     "samples.block-seconds": self.samples.block_seconds, "samples.bins": self.samples.bins,
-                    "samples.cap": self.samples.cap, "augment.viewpoint-lookahead": self.augment.viewpoint_lookahead}
+                    "samples.cap": self.samples.cap, "samples.first-part": self.samples.first_part,
+                    "augment.viewpoint-lookahead": self.augment.viewpoint_lookahead}
         not_negative = {"l2": self.l2, "min-delta": self.min_delta,
                         "samples.smooth-seconds": self.samples.smooth_seconds,
                         "samples.rotated-copies": self.samples.rotated_copies}
         shares = {f"augment.{name}": getattr(self.augment, name)
                   for name in ("flip", "rotation", "brightness", "shadow", "crop", "viewpoint")}
-        shares["samples.drop-zeros"] = self.samples.drop_zeros
+        shares |= {"samples.drop-zeros": self.samples.drop_zeros, "samples.first-part": self.samples.first_part}
         _demand(positive, lambda value: value > 0, "must be greater than 0")
         _demand(not_negative, lambda value: value >= 0, "must not be negative")
         _demand(shares, lambda value: 0 <= value <= 1, "must lie in 0..1")
+        if self.select == "replay" and self.samples.split != "blocks":
+            raise ValueError(f"--select replay with --samples.split {self.samples.split}: single moments cannot be "
+                             "replayed; take blocks")
         _demand({"samples.validation-share": self.samples.validation_share}, lambda value: 0 < value < 1,
                 "must lie between 0 and 1: some data to learn from, some to check with")
 

@@ -90,7 +90,7 @@ def draw_samples(log: DrivingLog, training: Training) -> None:
 
 def draw_results(training: Training, measured: Measured) -> None:
     """Draw how the training went and what the best epoch predicts."""
-    best, baseline = training.best["epoch"], measured.recorded.baseline_mse
+    best, baseline = training.chosen["epoch"], measured.recorded.baseline_mse
     folder = training.config.report
     plots.save(plots.training_curves(training.history, best, baseline), folder / "training_curves.png")
     plots.save(plots.predictions(training.validation, measured.predicted), folder / "predictions.png")

@@ -15,6 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from sklearn.model_selection import GroupShuffleSplit
 
+from pilot.driving_log import part_of_each
 from pilot.log_format import CAMERAS
 
 Floats = NDArray[np.float64]
@@ -53,6 +54,8 @@ class SampleConfig:
     """Share of the moments kept for validation."""
     block_seconds: float = 10.0
     """For split=blocks: length of a block."""
+    first_part: float = 1.0
+    """Learn only from this first share of each recording; to replay the rest: evaluate.py --last-part."""
     min_speed: float = 1.0
     """Leave out moments slower than this (mph): a parked car's steering teaches nothing."""
     flipped_copies: bool = False
@@ -73,6 +76,7 @@ def make_samples(rows: pd.DataFrame, config: SampleConfig, seed: int) -> tuple[p
         ValueError: too few rows for a training and a validation set.
     """
     rng = np.random.default_rng(seed)
+    rows = part_of_each(rows, 0, config.first_part)
     rows = rows[~(rows["speed"] < config.min_speed)].reset_index(drop=True)
     validating = split_rows(rows, config, rng)
     moments = rows.assign(moment=rows.index, recorded=rows["steering"])

@@ -2,7 +2,10 @@
 
 import os
 from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
 
+import pandas as pd
 from tqdm import tqdm
 
 from pilot.batches import Batch
@@ -12,9 +15,10 @@ from pilot.driving_log import DrivingLog, read_driving_logs
 from pilot.recipes import TrainingConfig
 from pilot.report import SMOOTHED_SECONDS, History, Measured, draw_results, draw_samples, measure
 from pilot.samples import make_samples
-from pilot.training import Progress, Training
+from pilot.training import DrivingCheck, Progress, Training
 
 STATE = "state.pt"
+LOWEST_ERROR = "lowest_error.pt"
 
 
 def train(config: TrainingConfig, processes: Processes) -> None:
@@ -27,7 +31,10 @@ def train(config: TrainingConfig, processes: Processes) -> None:
     say: Callable[[str], None] = print if processes.leads else lambda _: None
     log = read_driving_logs(config.folders, checking_bar(hidden=not processes.leads))
     say(log.table())
-    training = Training(config, *make_samples(log.rows, config.samples, config.seed), processes)
+    samples, validation = make_samples(log.rows, config.samples, config.seed)
+    # one process drives for all
+    driving_check = make_driving_check(config, log, validation) if processes.leads else None
+    training = Training(config, samples, validation, processes, driving_check)
     say(f"{len(training.training)} pictures to train on, {len(training.validation)} moments to validate with; "
         f"network {config.network} on {training.device.type}")
     _prepare_state(config, training)
@@ -45,11 +52,28 @@ def train(config: TrainingConfig, processes: Processes) -> None:
     except KeyboardInterrupt:
         say(f"\nStopped in epoch {training.epoch + 1}. To go on: python model.py --resume --out {config.out}")
         raise
-    training.best_network()
-    measured = measure(training)
+    if config.select != "error":
+        keep(config.report / LOWEST_ERROR, training.best, log, training)
+    measured = keep(config.out, training.chosen, log, training)
     if processes.leads:
-        finish(config, log, training, measured)
+        finish(config, training, measured)
     processes.wait()
+
+
+def make_driving_check(config: TrainingConfig, log: DrivingLog, validation: pd.DataFrame) -> DrivingCheck | None:
+    """What --select asks for.
+
+    Raises:
+        UnusableRecording: the validation moments cannot be replayed.
+    """
+    if config.select == "error":
+        return None
+    # a training without it need not wait for the simulator to be imported
+    from pilot.evaluation.selection import driving_check, replay_check  # noqa: PLC0415
+
+    if config.select == "driving":
+        return driving_check()
+    return replay_check(log.rows[log.rows["center"].isin(validation["image"])].reset_index(drop=True))
 
 
 def _prepare_state(config: TrainingConfig, training: Training) -> None:
@@ -61,27 +85,46 @@ def _prepare_state(config: TrainingConfig, training: Training) -> None:
         state.replace(state.with_name("previous_state.pt"))
 
 
-def finish(config: TrainingConfig, log: DrivingLog, training: Training, measured: Measured) -> None:
-    """Write the model and its pictures; say where it is and how good."""
+def keep(path: Path, best: dict[str, Any], log: DrivingLog, training: Training) -> Measured:
+    """Write the network of one of the best epochs with what is known about it; all processes take part."""
+    network = training.take(best)
+    measured = measure(training)
     data = {"recordings": list(map(str, log.recordings)), "rows": len(log.rows),
             "left_out": list(map(dict, log.left_out)), "training_pictures": len(training.training),
             "validation_moments": len(training.validation)}
-    metrics = {"epoch": training.best["epoch"], "recorded": measured.recorded, "smoothed": measured.smoothed}
-    save_model(config.out, Model(config.network, training.network, plain(config), data, plain(metrics)))
+    metrics = {"epoch": best["epoch"], "recorded": measured.recorded, "smoothed": measured.smoothed}
+    if training.processes.leads:
+        save_model(path, Model(training.config.network, network, plain(training.config), data, plain(metrics)))
+    return measured
+
+
+def finish(config: TrainingConfig, training: Training, measured: Measured) -> None:
+    """Draw the pictures; say what was kept, where, and how good it is."""
     draw_results(training, measured)
     if training.loader.unreadable:
         print(f"{len(training.loader.unreadable)} pictures became unreadable during the training and were left out")
-    print(f"\nepoch {training.best['epoch']} of {training.epoch} was the best. "
+    print(f"\n{verdict(training)} "
           "Against the driver's steering, on moments not trained on:\n"
           f"  as recorded:           {measured.recorded}\n"
           f"  averaged over {SMOOTHED_SECONDS} s:   {measured.smoothed}\n"
           f"model: {config.out}    history and pictures: {config.report}{os.sep}")
 
 
+def verdict(training: Training) -> str:
+    """Which epoch was kept, and why."""
+    kept, lowest = training.chosen["epoch"], training.best["epoch"]
+    if training.config.select == "error":
+        return f"epoch {kept} of {training.epoch} was the best."
+    interventions, offset = training.chosen["error"]
+    return (f"epoch {kept} of {training.epoch} drove best ({interventions:.0f} interventions, {offset:.2f} m beside "
+            f"its place on average); epoch {lowest} has the lowest error, and is {LOWEST_ERROR} in the folder below.\n")
+
+
 def epoch_line(figures: dict[str, float], epochs: int) -> str:
     """One line about an epoch."""
+    drive = f"{figures['interventions']:.0f} interventions, {figures['offset']:.2f} m, " if "offset" in figures else ""
     return (f"epoch {figures['epoch']:3.0f}/{epochs}: training MSE {figures['training_mse']:.4f}, "
-            f"validation MSE {figures['validation_mse']:.4f}, R² {figures['validation_r2']:+.3f}, "
+            f"validation MSE {figures['validation_mse']:.4f}, R² {figures['validation_r2']:+.3f}, {drive}"
             f"{figures['images_per_second']:.0f} images/s")
 
 

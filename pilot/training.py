@@ -27,12 +27,15 @@ from pilot.batches import Batch, BatchLoader
 from pilot.checkpoint import UnusableModel, plain
 from pilot.distributed import Processes
 from pilot.files import write_atomically
+from pilot.frames import Frame
 from pilot.interrupt import Interrupt, catch_interrupt
 from pilot.metrics import Agreement, agreement
 from pilot.networks import SteeringNetwork, build_network
 from pilot.recipes import TrainingConfig
 
 SAVE_SECONDS = 120  # a power cut costs at most this much work
+Steer = Callable[[Frame], float]
+DrivingCheck = Callable[[Steer], tuple[int, float]]  # how well it drives: interventions, mean offset in metres
 Progress = Callable[[Iterable[Batch], int, str], Iterable[Batch]]
 
 
@@ -44,12 +47,20 @@ class Training:
         epoch, step: how many epochs, and batches of the running one, are done.
         history: one dictionary an epoch: errors, learning rate, images/s.
         best: the lowest validation error so far with its epoch and weights.
+        best_driving: the same of the best drive so far, if there is a driving check.
     """
 
     def __init__(self, config: TrainingConfig, training: pd.DataFrame, validation: pd.DataFrame,
-                 processes: Processes | None = None) -> None:
-        """Set up the network of `config` for these samples."""
-        self.config = config
+                 processes: Processes | None = None, driving_check: DrivingCheck | None = None) -> None:
+        """Set up the network of `config` for these samples.
+
+        Args:
+            config: all options.
+            training, validation: samples.
+            processes: that train together.
+            driving_check: judges each epoch, where `config.select` asks for it; of the process that leads.
+        """
+        self.config, self.driving_check = config, driving_check
         self.processes = processes or Processes()
         self.device = choose_device(config.device, self.processes.local_rank)
         self.network = build_network(config.network, config.seed).to(self.device)
@@ -65,6 +76,7 @@ class Training:
         self.error_sum = torch.zeros((), device=self.device)
         self.history: list[dict[str, float]] = []
         self.best: dict[str, Any] = {"error": math.inf, "epoch": 0, "weights": {}}
+        self.best_driving: dict[str, Any] = {"error": (math.inf, math.inf), "epoch": 0, "weights": {}}
         self._model = self._parallel()
         self._saved = time.monotonic()
 
@@ -144,8 +156,27 @@ class Training:
         self.epoch, self.step = self.epoch + 1, 0
         self.error_sum.zero_()
         if validation.mse < self.best["error"] - self.config.min_delta:
-            weights = copy.deepcopy(self.network.state_dict())
-            self.best = {"error": validation.mse, "epoch": self.epoch, "weights": weights}
+            self.best = self._kept(validation.mse)
+        if self.config.select != "error":
+            self._check_driving()
+
+    def _check_driving(self) -> None:
+        drove = torch.zeros(2, dtype=torch.float64, device=self.device)
+        if self.driving_check:  # one process drives for all
+            drove += torch.tensor(self.driving_check(self.steer), dtype=torch.float64, device=self.device)
+        interventions, offset = self.processes.sum(drove).tolist()
+        self.history[-1] |= {"interventions": interventions, "offset": offset}
+        if (interventions, offset) < self.best_driving["error"]:
+            self.best_driving = self._kept((interventions, offset))
+
+    def _kept(self, error: float | tuple[float, float]) -> dict[str, Any]:
+        return {"error": error, "epoch": self.epoch, "weights": copy.deepcopy(self.network.state_dict())}
+
+    def steer(self, frame: Frame) -> float:
+        """What the network, as it is now, steers (-1..1) for a 160x320x3 uint8 RGB frame."""
+        self.network.eval()
+        with torch.inference_mode():
+            return float(self.network(torch.from_numpy(frame)[None].to(self.device)).clamp(-1, 1))
 
     # Validation
 
@@ -170,10 +201,15 @@ class Training:
                 predicted[batch.index] = self.network(batch.frames.to(self.device)).cpu().double()
         return np.asarray(self.processes.sum(predicted).numpy())
 
-    def best_network(self) -> SteeringNetwork:
-        """The network of the best epoch, in evaluation mode."""
-        if self.best["weights"]:
-            self.network.load_state_dict(self.best["weights"])
+    @property
+    def chosen(self) -> dict[str, Any]:
+        """The epoch that is to be kept: that which drives best, or the lowest error's."""
+        return self.best if self.config.select == "error" else self.best_driving
+
+    def take(self, best: dict[str, Any]) -> SteeringNetwork:
+        """The network as it was in one of the best epochs, in evaluation mode."""
+        if best["weights"]:
+            self.network.load_state_dict(best["weights"])
         return self.network.eval()
 
     # State
@@ -183,7 +219,8 @@ class Training:
         return {
             "config": plain(self.config), "fingerprint": fingerprint(self.training), "epoch": self.epoch,
             "step": self.step, "error_sum": self.error_sum, "history": self.history, "best": self.best,
-            "weights": self.network.state_dict(), "optimiser": self.optimiser.state_dict(),
+            "best_driving": self.best_driving, "weights": self.network.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
         }
 
     def restore(self, state: dict[str, Any]) -> None:
@@ -197,7 +234,7 @@ class Training:
         self.network.load_state_dict(state["weights"])
         self.optimiser.load_state_dict(state["optimiser"])
         self.epoch, self.step = state["epoch"], state["step"]
-        self.history, self.best = state["history"], state["best"]
+        self.history, self.best, self.best_driving = state["history"], state["best"], state["best_driving"]
         self.error_sum.copy_(state["error_sum"])
 
     def _save(self, state_file: Path | None) -> None:

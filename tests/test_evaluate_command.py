@@ -18,6 +18,8 @@ import evaluate
 from pilot.checkpoint import Model, save_model
 from pilot.evaluation.table import read_json
 from pilot.networks import build_network
+from pilot.simulator.record import record
+from pilot.simulator.recording import Demonstration
 
 SHORT = ("--tracks", "mountain", "mountain reversed", "--laps", "0.01", "--jobs", "1")
 
@@ -68,8 +70,23 @@ def test_models_side_by_side_with_lights_start_places_and_video(capsys: pytest.C
         assert (stream.width, stream.height) == (640, 320)
 
 
+def test_a_recording_is_replayed(capsys: pytest.CaptureFixture[str]) -> None:
+    save("model.pt")
+    record("lake", Demonstration(laps=0.12, rate=10), Path("mine/laps"))
+    arguments = ["--recordings", "mine/laps", "--jobs", "1", "--out"]
+    assert evaluate.main(["model.pt", *arguments, "whole"]) == 0
+    assert capsys.readouterr().out.splitlines()[1].startswith("laps (by the ")
+    assert evaluate.main(["model.pt", *arguments, "part", "--last-part", "0.6", "--video"]) == 0
+    assert cv2.imread("part/model/replay-laps.png").shape[1] > 1000
+    seconds = [read_json(Path(folder) / "scores.json")[0].total.seconds for folder in ("whole", "part")]
+    assert seconds[1] == pytest.approx(0.6 * seconds[0], rel=0.05)
+    with av.open("part/model/replay-laps.mp4") as clip:
+        stream = clip.streams.video[0]
+        assert stream.frames / float(stream.average_rate) == pytest.approx(seconds[1], rel=0.05)
+
+
 def test_models_of_the_same_name_are_told_apart() -> None:
-    assert evaluate.name_models([Path("a/model.pt"), Path("b/model.pt"), Path("c/other.pt")]) == [
+    assert evaluate.name_paths([Path("a/model.pt"), Path("b/model.pt"), Path("c/other.pt")]) == [
         "a-model", "b-model", "other"]
 
 
@@ -112,8 +129,10 @@ def test_ctrl_c_ends_it_with_all_its_processes() -> None:
     (["expert", "--jobs", "0"], "--jobs 0: must be at least 1"),
     (["expert", "--seeds", "-1"], "--seeds -1: must not be negative"),
     (["model.pt", "--socket", "--latency-ms", "80"], "--socket: --latency-ms and --lost-frames"),
-    (["expert", "--socket"], "--socket: the expert drives only without it"),
-    (["expert", "expert"], "a model is named twice"),
+    (["expert", "--socket"], "the expert knows the road of the built-in simulator: not with --socket"),
+    (["expert", "--recordings", "laps"], "the expert knows the road of the built-in simulator"),
+    (["model.pt", "--recordings", "laps", "--last-part", "0"], "--last-part 0: must be greater than 0"),
+    (["expert", "expert"], "a model or a recording is named twice"),
     ([], "which model?"),
 ])
 def test_errors_in_one_sentence(arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -122,6 +141,16 @@ def test_errors_in_one_sentence(arguments: list[str], says: str, capsys: pytest.
     assert error.startswith(f"evaluate.py: {says}") or says in error
     assert "\n" not in error
     assert not Path("evaluation").exists()
+
+
+def test_what_cannot_be_replayed_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    save("model.pt")
+    Path("empty").mkdir()
+    assert evaluate.main(["model.pt", "--recordings", "empty", "--jobs", "1"]) == 1
+    assert "empty" in capsys.readouterr().err
+    record("mountain", Demonstration(laps=0.01, rate=10), Path("short"))
+    assert evaluate.main(["model.pt", "--recordings", "short", "--jobs", "1"]) == 1
+    assert "no drive of five seconds" in capsys.readouterr().err
 
 
 def test_the_report_of_before_stays_when_it_goes_wrong() -> None:

@@ -46,6 +46,14 @@ def test_a_moment_is_on_one_side_only(split: str) -> None:
     assert 0.15 < len(set(validation["moment"])) / len(rows) < 0.25
 
 
+def test_only_the_first_part_of_each_recording_is_learned_from() -> None:
+    rows = pd.concat([drive(300), drive(200, recording=1)], ignore_index=True)
+    training, validation = samples_of(rows, first_part=0.8)
+    used = {*training["image"], *validation["image"]}
+    assert {f"c0_{i}" for i in range(240)} | {f"c1_{i}" for i in range(160)} <= used
+    assert not used & ({f"c0_{i}" for i in range(240, 300)} | {f"c1_{i}" for i in range(160, 200)})
+
+
 def test_blocks_keep_neighbouring_frames_together() -> None:
     training, validation = samples_of(drive(2000), split="blocks", block_seconds=10)
     moments = np.sort(validation["moment"])

@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -106,8 +107,31 @@ def test_stops_early_and_keeps_the_best_epoch(samples: tuple[pd.DataFrame, pd.Da
     training.run(lambda _: None, quiet)
     assert training.epoch == 5
     assert training.best["epoch"] == 2
-    training.best_network()
+    training.take(training.best)
     assert torch.equal(weights(training), kept[1])
+
+
+def test_keeps_the_epoch_that_drives_best_beside_that_of_the_lowest_error(
+    samples: tuple[pd.DataFrame, pd.DataFrame]
+) -> None:
+    drives = iter([(1, 0.2), (0, 0.4), (0, 0.3), (2, 0.1)])  # fewer interventions first, then the smaller offset
+    kept: list[torch.Tensor] = []
+
+    def check(steer: Callable[[np.ndarray], float]) -> tuple[int, float]:
+        assert -1 <= steer(np.full((160, 320, 3), 90, np.uint8)) <= 1
+        kept.append(weights(training).clone())
+        return next(drives)
+
+    training = Training(replace(CONFIG, epochs=4, select="driving"), *samples, driving_check=check)
+    training.run(lambda _: None, quiet)
+    assert training.chosen is training.best_driving
+    assert training.best_driving["epoch"] == 3
+    assert training.best_driving["error"] == (0, 0.3)
+    assert [epoch["interventions"] for epoch in training.history] == [1, 0, 0, 2]
+    training.take(training.chosen)
+    assert torch.equal(weights(training), kept[2])
+    training.take(training.best)
+    assert training.validate().mse == pytest.approx(training.best["error"])
 
 
 def test_l2_is_the_penalty_added_to_the_loss(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:

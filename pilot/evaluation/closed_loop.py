@@ -50,7 +50,7 @@ class ModelDriver:
 
     path: Path
 
-    def __call__(self, _drive: Drive) -> Steer:
+    def __call__(self, _drive: Drive | None = None) -> Steer:
         """Load it.
 
         Raises:
@@ -247,6 +247,6 @@ def _filmed(do: Callable[..., Driven], drive: Drive, clip: Path) -> Driven:
     return driven
 
 
-def film(folder: Path, clip: Path) -> None:
-    """Make a clip of a recorded drive, with all instruments, at the speed of the simulator's clock."""
-    make_clip(folder, clip, fps=FRAMES_PER_SECOND, overlays=Overlays(wheel=True, speed=True, path=True))
+def film(folder: Path, clip: Path, fps: float = FRAMES_PER_SECOND) -> None:
+    """Make a clip of a recorded drive, with all instruments; without `fps`, at the speed of the simulator's clock."""
+    make_clip(folder, clip, fps=fps, overlays=Overlays(wheel=True, speed=True, path=True))

@@ -25,12 +25,17 @@ def draw_drives(title: str, track: Track, drives: Sequence[Driven], scores: Scor
     """What became of one or several drives on a track."""
     figure = Figure((14, 6), layout="constrained")
     above, along = figure.subplots(1, 2, width_ratios=(1, 1.25))
-    text = f"{scores.interventions} intervention{'s' * (scores.interventions != 1)}, autonomy {scores.autonomy:.1f} %"
-    figure.suptitle(f"{title}: {text}, {scores.offset_mean:.2f} m beside the lane's middle on average", fontsize=12)
+    figure.suptitle(headline(title, scores), fontsize=12)
     _draw_road(above, track)
-    _draw_paths(figure, above, drives)
+    draw_paths(figure, above, drives)
     _draw_offsets(along, track, drives)
     return figure
+
+
+def headline(title: str, scores: Scores) -> str:
+    """What came of it in one line."""
+    text = f"{scores.interventions} intervention{'s' * (scores.interventions != 1)}, autonomy {scores.autonomy:.1f} %"
+    return f"{title}: {text}, {scores.offset_mean:.2f} m beside the lane's middle on average"
 
 
 def _draw_road(axis: Axes, track: Track) -> None:
@@ -52,7 +57,8 @@ def _closed(points: Array) -> Array:
     return np.vstack([points, points[:1]])
 
 
-def _draw_paths(figure: Figure, axis: Axes, drives: Sequence[Driven]) -> None:
+def draw_paths(figure: Figure, axis: Axes, drives: Sequence[Driven]) -> None:
+    """The paths as seen from above, coloured by the place in the lane, and where the car was put back."""
     for drive in drives:
         segments = np.stack([drive.positions[:-1], drive.positions[1:]], 1)
         driven = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1) < JUMP
@@ -89,7 +95,7 @@ def _draw_offsets(axis: Axes, track: Track, drives: Sequence[Driven]) -> None:
     # seen in the direction of driving: left is up
     axis.set(xlim=(0, track.length), ylim=(highest.max() + MARGIN, lowest.min() - MARGIN))
     axis.set(xlabel="metres along the lap", ylabel="metres beside the lane's middle")
-    axis.yaxis.set_major_formatter(FuncFormatter(_side))
+    axis.yaxis.set_major_formatter(FuncFormatter(side_of_road))
     axis.set_facecolor(GROUND)
     axis.legend(loc="lower right", fontsize=9)
 
@@ -102,5 +108,6 @@ def _pieces(drive: Driven, laps: Array) -> Iterator[slice]:
         yield slice(int(first), int(last))
 
 
-def _side(metres: float, _position: int) -> str:
+def side_of_road(metres: float, _position: int) -> str:
+    """Metres beside the middle as an axis names them."""
     return f"{abs(metres):g} left" if metres < 0 else f"{metres:g} right" if metres > 0 else "0"

@@ -6,46 +6,51 @@ car at the recorded speed, and when it strays too far from where it should be, a
 intervened. NVIDIA's people marked by hand where the lane's middle was; here the road's middle is found
 in the pictures (replay_road.py), and the car should be as far from it as the driver usually was. His
 path itself would not do: a person wanders by a metre, and who keeps the middle would be blamed for it.
+Where the road does not show clearly (hard shadows, no edges), a smooth line through his path must do.
+Where he drove himself, a person would not intervene: what was good enough for him is for the model, too.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from pilot.driving_log import Progress, read_driving_logs
 from pilot.evaluation.reference_path import (
     Array,
+    Line,
     Motion,
     UnusableRecording,
     drives,
+    fit_line,
     motion_of,
 )
-from pilot.evaluation.replay_road import Road, find_road
+from pilot.evaluation.replay_road import PATH_SPREAD, find_road
 from pilot.evaluation.replay_view import view
-from pilot.evaluation.scores import Driven, Intervention, Scores, measure
+from pilot.evaluation.scores import Driven, Intervention
 from pilot.frames import Frame
 from pilot.log_format import CAMERAS
 from pilot.simulator.car import MPH, path_curvature
 from pilot.simulator.track import HALF_TRACK
 
 Steer = Callable[[Frame], float]
+Reference = Literal["road", "path"]
 
 UNCLEAR = 0.6  # clarity, below which the road's middle has been seen to be wrong
+LIMITS: dict[Reference, float] = {"road": 3.0, "path": 2.0}  # metres; farther off, warped pictures show little
+SPARE = 0.5  # metres that a car may be farther off than the driver was himself
 
 
 @dataclass(frozen=True)
 class ReplayConfig:
     """When a replayed car has failed: with a wheel off the road, or too far from where it should be."""
 
-    limit: float = 3.0
-    """Metres from where it should be, at most; farther off, warped pictures show nothing useful."""
+    limit: float | None = None
+    """Metres from where it should be, at most; None takes that of the reference (`LIMITS`)."""
     start: float | None = None
-    """Metres right of where it should be, where a drive begins; None: where the recorded car was, if on the road."""
+    """Metres right of where it should be, where a drive begins; None: where the recorded car was."""
 
     def check(self) -> None:
         """Refuse values that cannot work.
@@ -53,10 +58,11 @@ class ReplayConfig:
         Raises:
             ValueError: names the option, its value and what it may be.
         """
-        if not 0.1 <= self.limit <= 4.0:
-            raise ValueError(f"limit {self.limit:g}: takes 0.1 to 4 m; farther off the pictures show nothing useful")
-        if self.start is not None and not abs(self.start) < self.limit:
-            raise ValueError(f"start {self.start:g}: must lie within the limit of {self.limit:g} m")
+        limit = min(LIMITS.values()) if self.limit is None else self.limit
+        if not 0.1 <= limit <= 4.0:
+            raise ValueError(f"limit {limit:g}: takes 0.1 to 4 m; farther off the pictures show nothing useful")
+        if self.start is not None and not abs(self.start) < limit:
+            raise ValueError(f"start {self.start:g}: must lie within the limit of {limit:g} m")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +74,6 @@ class Moment:
         frame: 160x320x3 uint8 RGB, as the model's car sees it.
         offset: metres, heading: radians; to the right of where that car should be.
         beside: metres, turned: radians; to the right of the car that recorded.
-        done: share of the drive, 0..1.
     """
 
     row: "pd.Series[Any]"
@@ -77,62 +82,59 @@ class Moment:
     heading: float
     beside: float
     turned: float
-    done: float
 
 
 Watch = Callable[[Moment], None]
 
 
-@dataclass(frozen=True)
-class ReplayResult:
-    """What came of it.
-
-    Attributes:
-        drives: what the replayed car did in each stretch that was recorded without a break.
-        half_widths: metres from the middle to the edge of the road, as seen in each.
-        clarity: 0..1, how clearly the road was seen; below `UNCLEAR` the figures mean little.
-        driver_failed: share of the moments (0..1) in which the driver who recorded was himself beyond the limit.
-        limit: metres from where the car should be, that counted as an intervention.
-    """
-
-    drives: tuple[Driven, ...]
-    half_widths: tuple[float, ...]
-    clarity: float
-    driver_failed: float
-    limit: float
-
-    def scores(self, title: str) -> Scores:
-        """As of a drive in the simulator."""
-        return measure(title, self.drives)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Stretch:
     """A stretch of a recording that was driven without a break, with what it takes to replay it.
 
     Attributes:
-        rows: of the log. motion: of the car. road: that it drove on.
-        lane: metres to the right of the road's middle, where the car should be: the driver's usual place.
+        rows: of the log.
+        motion: of the car that recorded.
+        line: along the road, and where that car stood beside it.
+        lane: metres to the right of the line, where a car should be.
+        half_width: metres from the line to the road's edge; infinite where that is not known.
     """
 
     rows: pd.DataFrame
     motion: Motion
-    road: Road
-    lane: float
+    line: Line
+    lane: float = 0.0
+    half_width: float = math.inf
 
     @property
     def driver(self) -> Array:
-        """Metres by which the driver who recorded was to the right of where he should be, row by row."""
-        return self.road.line.offsets - self.lane
+        """Metres by which the car that recorded was to the right of where it should be, row by row."""
+        return self.line.offsets - self.lane
 
-    def failed(self, offset: Array | float, limit: float) -> NDArray[np.bool_]:
-        """Whether a person would intervene, with a car that many metres to the right of where it should be."""
-        off_road = np.abs(offset + self.lane) > self.road.half_width - HALF_TRACK
-        return np.asarray(off_road | (np.abs(offset) > limit))
+    def allowed(self, limit: float) -> tuple[Array, Array]:
+        """Metres to the right of where it should be, between which a person lets a car drive, row by row."""
+        edge = self.half_width - HALF_TRACK
+        lowest = np.minimum(max(-limit, -edge - self.lane), self.driver - SPARE)
+        highest = np.maximum(min(limit, edge - self.lane), self.driver + SPARE)
+        return lowest, highest
 
 
-def prepare(rows: pd.DataFrame) -> list[Stretch]:
-    """Find the road in a log's rows (`DrivingLog.rows`); once, for any number of models.
+@dataclass(frozen=True)
+class Replayable:
+    """A recording, prepared for any number of models.
+
+    Attributes:
+        stretches: driven without a break.
+        reference: what a car is measured against: its usual place on the road, or the smoothed path of the driver.
+        clarity: 0..1, how clearly the road was seen.
+    """
+
+    stretches: tuple[Stretch, ...]
+    reference: Reference
+    clarity: float
+
+
+def prepare(rows: pd.DataFrame) -> Replayable:
+    """Find the road in a log's rows (`DrivingLog.rows`), or if it does not show clearly, the driver's smoothed path.
 
     Raises:
         UnusableRecording: nothing in it can be replayed.
@@ -143,63 +145,55 @@ def prepare(rows: pd.DataFrame) -> list[Stretch]:
         raise UnusableRecording("no drive of five seconds in it: record a lap without recoveries")
     motions = [motion_of(part) for part in parts]
     roads = [find_road(list(part["center"]), motion) for part, motion in zip(parts, motions, strict=True)]
+    clarity = float(np.average([road.clarity for road in roads], weights=list(map(len, parts))))
+    if clarity < UNCLEAR:
+        return Replayable(tuple(map(along_path, parts, motions)), "path", clarity)
     lane = float(np.median(np.concatenate([road.line.offsets for road in roads])))
-    return [Stretch(*each, lane) for each in zip(parts, motions, roads, strict=True)]
+    stretches = [Stretch(part, motion, road.line, lane, road.half_width)
+                 for part, motion, road in zip(parts, motions, roads, strict=True)]
+    return Replayable(tuple(stretches), "road", clarity)
 
 
-def replay_recording(folder: Path, steer: Steer, config: ReplayConfig = ReplayConfig(), *,
-                     progress: Progress | None = None, watch: Watch = lambda _: None) -> ReplayResult:
-    """Replay a recording (a folder, or its driving_log.csv).
+def along_path(rows: pd.DataFrame, motion: Motion) -> Stretch:
+    """A stretch whose reference is the driver's own path, smoothed as roads are smooth."""
+    return Stretch(rows, motion, fit_line(motion, np.zeros(len(rows)), np.full(len(rows), PATH_SPREAD)))
+
+
+def replay(recording: Replayable, steer: Steer, config: ReplayConfig = ReplayConfig(),
+           watch: Watch = lambda _: None) -> list[Driven]:
+    """Replay a recording.
 
     Args:
-        folder: it lies in.
+        recording: as `prepare` returns it.
         steer: frame → steering, such as `Driver.steer`.
         config: when the car has failed.
-        progress: as in `read_driving_logs`.
         watch: is shown each moment before the model steers.
 
-    Raises:
-        NoUsableData: as `read_driving_logs`.
-        UnusableRecording: as `prepare`.
-    """
-    return replay(read_driving_logs([folder], progress).rows, steer, config, watch)
-
-
-def replay(rows: pd.DataFrame, steer: Steer, config: ReplayConfig = ReplayConfig(),
-           watch: Watch = lambda _: None) -> ReplayResult:
-    """Replay the rows of a log; as `replay_recording`."""
-    return replay_stretches(prepare(rows), steer, config, watch)
-
-
-def replay_stretches(stretches: list[Stretch], steer: Steer, config: ReplayConfig = ReplayConfig(),
-                     watch: Watch = lambda _: None) -> ReplayResult:
-    """Replay what has been prepared.
+    Returns:
+        what the replayed car did in each stretch.
 
     Raises:
         ValueError: an option's value makes no sense.
     """
     config.check()
-    driven = tuple(_replay(stretch, steer, config, watch) for stretch in stretches)
-    rows = [len(stretch.rows) for stretch in stretches]
-    clarity = np.average([stretch.road.clarity for stretch in stretches], weights=rows)
-    beyond = [stretch.failed(stretch.driver, config.limit).mean() for stretch in stretches]
-    half_widths = tuple(stretch.road.half_width for stretch in stretches)
-    return ReplayResult(driven, half_widths, float(clarity), float(np.average(beyond, weights=rows)), config.limit)
+    limit = LIMITS[recording.reference] if config.limit is None else config.limit
+    return [_replay(stretch, steer, limit, config.start, watch) for stretch in recording.stretches]
 
 
-def _replay(stretch: Stretch, steer: Steer, config: ReplayConfig, watch: Watch) -> Driven:
+def _replay(stretch: Stretch, steer: Steer, limit: float, start: float | None, watch: Watch) -> Driven:
     car = _Car(stretch)
-    if config.start is not None or stretch.failed(car.offset, config.limit):
-        car.put(config.start or 0.0)
+    if start is not None:
+        car.put(start)
     offsets, headings, commands, failed = [], [], [], []
+    lowest, highest = stretch.allowed(limit)
     for index, (_, row) in enumerate(stretch.rows.iterrows()):
         offsets.append(car.offset)
         headings.append(car.heading)
-        if stretch.failed(car.offset, config.limit):
+        if not lowest[index] <= car.offset <= highest[index]:
             failed.append(index)
             car.put(0.0)
         frame = view({name: row[name] for name in CAMERAS}, car.beside, car.turned)
-        watch(Moment(row, frame, car.offset, car.heading, car.beside, car.turned, index / len(stretch.rows)))
+        watch(Moment(row, frame, car.offset, car.heading, car.beside, car.turned))
         commands.append(min(max(steer(frame), -1.0), 1.0))
         car.advance(commands[-1])
     return _driven(stretch, np.array(offsets), np.array(headings), np.array(commands), failed)
@@ -225,7 +219,7 @@ class _Car:
     @property
     def heading(self) -> float:
         """Radians to the right of the road's direction."""
-        return float(self._stretch.road.line.headings[self._index]) + self.turned
+        return float(self._stretch.line.headings[self._index]) + self.turned
 
     def put(self, offset: float) -> None:
         """Put it `offset` metres to the right of where it should be, along the road."""
@@ -243,7 +237,7 @@ class _Car:
 
 def _driven(stretch: Stretch, offsets: Array, headings: Array, steering: Array, failed: Sequence[int]) -> Driven:
     """The drive as the simulator's are described; its map begins northwards at the origin."""
-    motion, bends = stretch.motion, stretch.road.line.curvatures
+    motion, bends = stretch.motion, stretch.line.curvatures
     times, progress = _before(motion.seconds), _before(motion.steps)
     compass = _before(bends * motion.steps)
     right = np.stack([np.cos(compass), -np.sin(compass)], axis=1)

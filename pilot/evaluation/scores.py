@@ -79,6 +79,11 @@ class Driven:
         return cls(column("time"), np.column_stack([column("x"), column("y")]), column("speed"), column("steering"),
                    column("progress"), column("offset"), column("heading_error"), tuple(interventions), lap)
 
+    def moved(self, x: float, y: float) -> "Driven":
+        """The same drive elsewhere on the map, by so many metres."""
+        interventions = tuple(dataclasses.replace(each, x=each.x + x, y=each.y + y) for each in self.interventions)
+        return dataclasses.replace(self, positions=self.positions + np.array([x, y]), interventions=interventions)
+
     @property
     def seconds(self) -> float:
         """How long it lasted."""

@@ -1,0 +1,72 @@
+"""Pictures of a replayed recording: the path from above, the place on the road, recorded and predicted steering."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+from pilot.evaluation.pictures import ASPHALT, GROUND, REASONS, draw_paths, headline, side_of_road
+from pilot.evaluation.replay import LIMITS, Reference, Replayable, Stretch
+from pilot.evaluation.scores import Array, Driven, Scores
+
+BREAK = 20.0  # metres on the drawn axis between two stretches
+MEASURED: dict[Reference, str] = {"road": "metres beside the usual place on the road",
+                                  "path": "metres beside the driver's smoothed path"}
+
+
+def draw_replay(title: str, recording: Replayable, drives: Sequence[Driven], scores: Scores) -> Figure:
+    """What became of a replayed recording."""
+    figure = Figure((14, 7), layout="constrained")
+    axes = figure.subplot_mosaic([["above", "offsets"], ["above", "steering"]], width_ratios=(1, 1.6))
+    figure.suptitle(headline(title, scores), fontsize=12)
+    draw_paths(figure, axes["above"], _side_by_side(drives))
+    axes["above"].set(aspect="equal", xlabel="metres, by steering and speed", title="the driven path")
+    axes["above"].autoscale_view()
+    axes["above"].set_facecolor(GROUND)
+    begin = 0.0
+    for stretch, drive in zip(recording.stretches, drives, strict=True):
+        place = begin + drive.progress
+        _draw_offsets(axes["offsets"], place, stretch, drive, LIMITS[recording.reference])
+        _draw_steering(axes["steering"], place, stretch, drive)
+        begin = float(place[-1]) + BREAK
+    _finish(axes["offsets"], axes["steering"], MEASURED[recording.reference])
+    return figure
+
+
+def _side_by_side(drives: Sequence[Driven]) -> list[Driven]:
+    """The paths, each of which begins at 0, 0: moved so that they do not lie upon each other."""
+    moved, right = [], 0.0
+    for drive in drives:
+        shift = np.array([right - drive.positions[:, 0].min(), -drive.positions[:, 1].min()])
+        right = float((drive.positions + shift)[:, 0].max()) + 4 * BREAK
+        moved.append(drive.moved(*shift))
+    return moved
+
+
+def _draw_offsets(axis: Axes, place: Array, stretch: Stretch, drive: Driven, limit: float) -> None:
+    axis.fill_between(place, *stretch.allowed(limit), color=ASPHALT, linewidth=0)
+    axis.plot(place, stretch.driver, color="#555555", linewidth=0.9, linestyle="--")
+    axis.plot(place, drive.offsets, color="C0", linewidth=1.1)
+    for each in drive.interventions:
+        index = int(np.searchsorted(drive.times, each.time - 1e-9))
+        marker, colour = REASONS[each.reason]
+        axis.plot(place[index], drive.offsets[index], marker, color=colour, markersize=8, markeredgecolor="white")
+
+
+def _draw_steering(axis: Axes, place: Array, stretch: Stretch, drive: Driven) -> None:
+    axis.plot(place, stretch.rows["steering"], color="#999999", linewidth=0.8)
+    axis.plot(place, drive.steering, color="C0", linewidth=1.0)
+
+
+def _finish(offsets: Axes, steering: Axes, measured: str) -> None:
+    offsets.axhline(0, color="white", linewidth=1.2)
+    offsets.invert_yaxis()  # seen in the direction of driving: left is up
+    offsets.yaxis.set_major_formatter(FuncFormatter(side_of_road))
+    offsets.set(xlabel="metres along the recording", ylabel=measured)
+    offsets.set_facecolor(GROUND)
+    patches = offsets.collections[:1] + offsets.lines[:2]
+    offsets.legend(patches, ["allowed", "the driver", "the model"], loc="lower right", fontsize=9)
+    steering.set(xlabel="metres along the recording", ylabel="steering, -1..1")
+    steering.legend(steering.lines[:2], ["recorded", "predicted"], loc="lower right", fontsize=9)
