@@ -26,6 +26,8 @@ class TrainingConfig:
     built-in simulator's laps to learn from: built-in."""
     resume: bool = False
     """Go on with an interrupted training of this --out, with the options it was started with."""
+    start: Path | None = None
+    """Model to start from instead of random weights, such as models/built_in.pt: it learns on from your laps."""
     network: NetworkName = "nvidia"
     """Network to train."""
     epochs: int = 15
@@ -152,5 +154,6 @@ def config_from_plain(values: dict[str, Any]) -> TrainingConfig:
     top = restore(values)
     return TrainingConfig(**{
         **top, "data": tuple(map(Path, top["data"])), "out": Path(top["out"]),
+        "start": Path(top["start"]) if top["start"] else None,
         "samples": SampleConfig(**restore(top["samples"])), "augment": AugmentConfig(**restore(top["augment"])),
     })

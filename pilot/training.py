@@ -24,7 +24,7 @@ from torch.nn import functional
 from torch.nn.parallel import DistributedDataParallel
 
 from pilot.batches import Batch, BatchLoader
-from pilot.checkpoint import UnusableModel, plain
+from pilot.checkpoint import UnusableModel, load_model, plain
 from pilot.distributed import Processes
 from pilot.files import write_atomically
 from pilot.frames import Frame
@@ -63,7 +63,7 @@ class Training:
         self.config, self.driving_check = config, driving_check
         self.processes = processes or Processes()
         self.device = choose_device(config.device, self.processes.local_rank)
-        self.network = build_network(config.network, config.seed).to(self.device)
+        self.network = first_network(config).to(self.device)
         self.optimiser = torch.optim.Adam(
             # Adam adds weight_decay * w to the gradient; that of l2 * sum of w**2 is 2 * l2 * w
             self.network.parameters(), lr=config.learning_rate, weight_decay=2 * config.l2,
@@ -254,6 +254,20 @@ class Training:
         if self.processes.world == 1:
             return self.network
         return DistributedDataParallel(self.network, [self.device.index] if self.device.type == "cuda" else None)
+
+
+def first_network(config: TrainingConfig) -> SteeringNetwork:
+    """The network that a training begins with.
+
+    Raises:
+        UnusableModel: the model to start from is missing, damaged, or of another network.
+    """
+    if config.start is None:
+        return build_network(config.network, config.seed)
+    model = load_model(config.start)
+    if model.name != config.network:
+        raise UnusableModel(f"{config.start}: is a {model.name}; start from it with --network {model.name}")
+    return model.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]
 
 
 def fingerprint(samples: pd.DataFrame) -> str:

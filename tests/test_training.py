@@ -10,7 +10,7 @@ from conftest import Recording
 
 from pilot.augment import AugmentConfig
 from pilot.batches import Batch
-from pilot.checkpoint import UnusableModel
+from pilot.checkpoint import Model, UnusableModel, save_model
 from pilot.distributed import Processes
 from pilot.driving_log import read_driving_logs
 from pilot.recipes import TrainingConfig, config_from_plain
@@ -109,6 +109,16 @@ def test_stops_early_and_keeps_the_best_epoch(samples: tuple[pd.DataFrame, pd.Da
     assert training.best["epoch"] == 2
     training.take(training.best)
     assert torch.equal(weights(training), kept[1])
+
+
+def test_starts_from_a_model(samples: tuple[pd.DataFrame, pd.DataFrame], tmp_path: Path) -> None:
+    first = trained(samples)
+    path = tmp_path / "first.pt"
+    save_model(path, Model(CONFIG.network, first.network, {}, {}, {}))
+    begun = Training(replace(CONFIG, start=path), *samples)
+    assert torch.equal(weights(begun), weights(first))
+    with pytest.raises(UnusableModel, match="is a pilotnet; start from it with --network pilotnet"):
+        Training(replace(CONFIG, start=path, network="nvidia"), *samples)
 
 
 def test_keeps_the_epoch_that_drives_best_beside_that_of_the_lowest_error(
