@@ -15,11 +15,12 @@ from pilot.workers import run_jobs
 Progress = Callable[[float], None]
 
 # The demonstration that stands in for a person's laps: a bit of everything, both ways round.
-NAMED_PLAN = Demonstration(laps=1, recoveries=40, rate=2.0, wander=0.3)
-RANDOM_PLAN = Demonstration(laps=1, recoveries=10, rate=0.8, wander=0.3)  # few rows of many roads
+# Without wandering: a row's label is then what the picture asks for, and the recoveries show the way back.
+NAMED_PLAN = Demonstration(laps=1, recoveries=40, rate=2.0)
+RANDOM_PLAN = Demonstration(laps=1, recoveries=14, rate=0.4)  # few rows of many roads
 DEMONSTRATIONS: dict[str, Demonstration] = {
     **{name + way: NAMED_PLAN for name in NAMED for way in ("", REVERSED)},
-    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_PLAN for seed in range(1000, 1030)},
+    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_PLAN for seed in range(1000, 1160)},
 }
 
 
