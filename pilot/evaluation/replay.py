@@ -10,7 +10,6 @@ Where the road does not show clearly (hard shadows, no edges), a smooth line thr
 Where he drove himself, a person would not intervene: what was good enough for him is for the model, too.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -96,14 +95,14 @@ class Stretch:
         motion: of the car that recorded.
         line: along the road, and where that car stood beside it.
         lane: metres to the right of the line, where a car should be.
-        half_width: metres from the line to the road's edge; infinite where that is not known.
+        half_widths: metres from the line to the road's edge, row by row; infinite where that is not known.
     """
 
     rows: pd.DataFrame
     motion: Motion
     line: Line
+    half_widths: Array
     lane: float = 0.0
-    half_width: float = math.inf
 
     @property
     def driver(self) -> Array:
@@ -112,9 +111,9 @@ class Stretch:
 
     def allowed(self, limit: float) -> tuple[Array, Array]:
         """Metres to the right of where it should be, between which a person lets a car drive, row by row."""
-        edge = self.half_width - HALF_TRACK
-        lowest = np.minimum(max(-limit, -edge - self.lane), self.driver - SPARE)
-        highest = np.maximum(min(limit, edge - self.lane), self.driver + SPARE)
+        edges = self.half_widths - HALF_TRACK
+        lowest = np.minimum(np.maximum(-limit, -edges - self.lane), self.driver - SPARE)
+        highest = np.maximum(np.minimum(limit, edges - self.lane), self.driver + SPARE)
         return lowest, highest
 
 
@@ -149,14 +148,15 @@ def prepare(rows: pd.DataFrame) -> Replayable:
     if clarity < UNCLEAR:
         return Replayable(tuple(map(along_path, parts, motions)), "path", clarity)
     lane = float(np.median(np.concatenate([road.line.offsets for road in roads])))
-    stretches = [Stretch(part, motion, road.line, lane, road.half_width)
+    stretches = [Stretch(part, motion, road.line, road.half_widths, lane)
                  for part, motion, road in zip(parts, motions, roads, strict=True)]
     return Replayable(tuple(stretches), "road", clarity)
 
 
 def along_path(rows: pd.DataFrame, motion: Motion) -> Stretch:
     """A stretch whose reference is the driver's own path, smoothed as roads are smooth."""
-    return Stretch(rows, motion, fit_line(motion, np.zeros(len(rows)), np.full(len(rows), PATH_SPREAD)))
+    count = len(rows)
+    return Stretch(rows, motion, fit_line(motion, np.zeros(count), np.full(count, PATH_SPREAD)), np.full(count, np.inf))
 
 
 def replay(recording: Replayable, steer: Steer, config: ReplayConfig = ReplayConfig(),

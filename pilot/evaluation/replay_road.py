@@ -3,7 +3,7 @@
 Seen from above and straightened along the driven path, a road is a row of stripes: land, kerb or edge
 line, asphalt, and the same again in reverse. Its middle is the axis of that symmetry. It is followed
 through a drive by dynamic programming (R. Bellman, Dynamic Programming, 1957): strong and symmetric
-edges a constant distance apart, with as little wandering from row to row as they allow.
+edges a distance apart that seldom changes, with as little wandering from row to row as they allow.
 """
 
 from collections.abc import Sequence
@@ -28,6 +28,7 @@ REACH = 4  # cells on each side of an edge that are compared
 STRONG = 30.0  # grey levels; a stronger edge counts no more
 JUMPS = (-3, -2, -1, 1, 2, 3)  # cells from one row to the next
 STIFFNESS = 1.0  # cost of a metre aside on a metre driven
+WIDENING = 5.0  # cost of another width from one row to the next, as where a bridge begins
 NEARNESS = 0.02  # cost of a metre from the line, where nothing is seen
 OVERALL = 0.1  # weight of the symmetry of all stripes beside that of the road's edges
 
@@ -42,12 +43,12 @@ class Road:
 
     Attributes:
         line: the road's middle, and where the recorded car stood beside it.
-        half_width: metres from the middle to the edge that shows most clearly.
+        half_widths: metres from the middle to the edge that shows most clearly, row by row.
         clarity: 0..1, how strong and symmetric that edge was where it was looked for, in the mean.
     """
 
     line: Line
-    half_width: float
+    half_widths: Array
     clarity: float
 
 
@@ -62,9 +63,9 @@ def find_road(pictures: Sequence[str], motion: Motion) -> Road:
     for _ in range(ROUNDS):
         poses = zip(pictures, line.offsets, line.headings, line.curvatures, strict=True)
         edges = np.array([_edges(_stripes(read_frame(path), *pose)) for path, *pose in poses])
-        aside, half_width = _follow(edges, motion.steps)
+        aside, half_widths = _follow(edges, motion.steps)
         line = _robust_fit(motion, line.offsets - aside)
-    return Road(line, half_width, _clarity(edges, aside, half_width))
+    return Road(line, half_widths, _clarity(edges, aside, half_widths))
 
 
 def _robust_fit(motion: Motion, seen: Array) -> Line:
@@ -100,19 +101,32 @@ def _edges(stripes: Array) -> Array:
     return np.asarray(edges / np.maximum(np.linalg.norm(edges, axis=1, keepdims=True), 1))
 
 
-def _follow(edges: Array, steps: Array) -> tuple[Array, float]:
-    """Where the road's middle is right of the line (n, metres), and its half width."""
+def _follow(edges: Array, steps: Array) -> tuple[Array, Array]:
+    """Where the road's middle is right of the line, and its half width (n each, metres)."""
     score = np.zeros((len(HALF_WIDTHS), len(PLACES)))
-    came_by = np.zeros((len(edges), *score.shape), np.int8)
+    jumps = np.zeros((len(edges), *score.shape), np.int8)
+    widths = np.zeros_like(jumps)
     for row, across in enumerate(edges):
         if row:
-            score, came_by[row] = _best_jump(score, STIFFNESS * CELL / max(steps[row - 1], 0.3))
+            score, jumps[row] = _best_jump(score, STIFFNESS * CELL / max(steps[row - 1], 0.3))
+            score, widths[row] = _best_width(score)
         score += _evidence(across)
     width, place = np.unravel_index(score.argmax(), score.shape)
-    places = [place]
+    found = [(width, place)]
     for row in range(len(edges) - 1, 0, -1):
-        places.append(places[-1] - came_by[row, width, places[-1]])
-    return np.asarray(PLACES[places[::-1]]), float(HALF_WIDTHS[width])
+        width = widths[row, width, place]
+        place = place - jumps[row, width, place]
+        found.append((width, place))
+    width_of, place_of = np.array(found[::-1]).T
+    return np.asarray(PLACES[place_of]), np.asarray(HALF_WIDTHS[width_of])
+
+
+def _best_width(score: Array) -> tuple[Array, NDArray[np.int8]]:
+    """For each width and place the best score that it can be reached with in the same row, and from which width."""
+    best = score.argmax(0)
+    changed = score.max(0) - WIDENING
+    kept = np.arange(len(score))[:, None]
+    return np.maximum(score, changed), np.where(changed > score, best, kept).astype(np.int8)
 
 
 def _best_jump(score: Array, cost: float) -> tuple[Array, NDArray[np.int8]]:
@@ -144,8 +158,9 @@ def _pairs(edges: Array) -> tuple[Array, Array]:
     return (np.linalg.norm(left, axis=2) + np.linalg.norm(right, axis=2)) / 2, -(left * right).sum(2)
 
 
-def _clarity(edges: Array, aside: Array, half_width: float) -> float:
-    width = round((half_width - HALF_WIDTHS[0]) / CELL)
+def _clarity(edges: Array, aside: Array, half_widths: Array) -> float:
+    widths = np.rint((half_widths - HALF_WIDTHS[0]) / CELL).astype(int)
     places = np.rint((aside - PLACES[0]) / CELL).astype(int)
-    found = [[kind[width, place] for kind in _pairs(across)] for across, place in zip(edges, places, strict=True)]
+    found = [[kind[width, place] for kind in _pairs(across)]
+             for across, width, place in zip(edges, widths, places, strict=True)]
     return float(np.mean(found))
