@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pilot import camera
 from pilot.camera import SIDE_CAMERA_OFFSET, curvature_to_steering
 from pilot.driving_log import read_driving_logs
 from pilot.evaluation.reference_path import Motion, UnusableRecording, drives, fit_line
@@ -23,6 +24,7 @@ from pilot.evaluation.replay import (
     prepare,
     replay,
 )
+from pilot.evaluation.replay_road import find_road
 from pilot.evaluation.replay_view import BONNET, view, warp
 from pilot.frames import Frame, encode_frame, read_frame
 from pilot.log_format import CAMERAS
@@ -149,6 +151,22 @@ def test_where_no_road_is_seen_its_middle_is_unclear(recorded: Recorded, tmp_pat
     assert prepare(rows).clarity > UNCLEAR
     (tmp_path / "grey.jpg").write_bytes(encode_frame(np.full((160, 320, 3), 128, np.uint8)))
     assert prepare(rows.assign(center=str(tmp_path / "grey.jpg"))).clarity < UNCLEAR
+
+
+def test_a_road_that_gets_wider_is_followed(tmp_path: Path) -> None:
+    """A straight road, painted as the camera sees it: 3.6 m to each side, then 5.2 m; the car is 0.7 m to the right."""
+    columns, rows = np.meshgrid(np.arange(320), np.arange(160))
+    ground = np.linalg.inv(camera.ground_to_pixel()) @ np.stack([columns.ravel(), rows.ravel(), np.ones(columns.size)])
+    aside = (ground[0] / ground[2]).reshape(160, 320) + 0.7
+    truth = np.repeat([3.6, 5.2], 40)
+    for half_width in set(truth):
+        painted = np.where((np.abs(aside) < half_width)[..., None], 90, (60, 140, 40)).astype(np.uint8)
+        (tmp_path / f"{half_width}.jpg").write_bytes(encode_frame(painted))
+    motion = Motion(np.full(80, 0.1), np.full(80, 1.0), np.full(80, 10.0), np.zeros(80))
+    road = find_road([str(tmp_path / f"{half_width}.jpg") for half_width in truth], motion)
+    assert road.half_widths[:38] == pytest.approx(3.6, abs=0.15)
+    assert road.half_widths[-38:] == pytest.approx(5.2, abs=0.15)
+    assert road.line.offsets == pytest.approx(0.7, abs=0.15)
 
 
 # What is seen
