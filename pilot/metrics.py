@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.metrics import r2_score
 
 
 @dataclass(frozen=True)
@@ -32,6 +31,8 @@ class Agreement:
 
 def agreement(predicted: ArrayLike, recorded: ArrayLike, training_mean: float) -> Agreement:
     """Compare predicted and recorded steering (both of shape N, -1..1)."""
+    from sklearn.metrics import r2_score  # noqa: PLC0415 - takes a second, which the first training step need not wait
+
     guess, truth = np.asarray(predicted, float), np.asarray(recorded, float)
     varies = len(truth) > 1 and guess.std() > 0 and truth.std() > 0
     return Agreement(

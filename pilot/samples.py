@@ -13,7 +13,6 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from sklearn.model_selection import GroupShuffleSplit
 
 from pilot.driving_log import part_of_each
 from pilot.log_format import CAMERAS
@@ -103,6 +102,8 @@ def split_rows(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.
         ValueError: one of the two sets would be empty.
     """
     if config.split == "moments":
+        from sklearn.model_selection import GroupShuffleSplit  # noqa: PLC0415 - takes a second, and is seldom wanted
+
         splitter = GroupShuffleSplit(1, test_size=config.validation_share, random_state=int(rng.integers(2**31)))
         chosen = next(splitter.split(rows, groups=rows.index))[1] if len(rows) > 1 else []
         validating = pd.Series(rows.index.isin(chosen), index=rows.index)
