@@ -1,9 +1,10 @@
-"""Several processes for independent jobs, which end with us: on Ctrl-C, or when a job fails."""
+"""Several processes for independent jobs, which end with us: on Ctrl-C, when a job fails, or when we are killed."""
 
 import multiprocessing
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -32,13 +33,22 @@ def run_jobs(do: Callable[[Job], Result], jobs: Sequence[Job], processes: int | 
         return
     # spawned, not forked: the renderer and torch keep threads
     with _holding_ctrl_c():
-        pool = multiprocessing.get_context("spawn").Pool(processes, _ignore_ctrl_c)
+        pool = multiprocessing.get_context("spawn").Pool(processes, _begin)
     with pool:
         yield from pool.imap_unordered(_Numbered(do), enumerate(jobs))
 
 
-def _ignore_ctrl_c() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us
+def _begin() -> None:
+    """A worker leaves Ctrl-C to its parent, which ends it; and does not outlive that one."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGTERM)
 
 
 @contextmanager

@@ -100,7 +100,8 @@ def wait_until_gone(group: int) -> None:
     pytest.fail("something of it lived on")
 
 
-def test_ctrl_c_ends_it_with_all_its_processes() -> None:
+@pytest.mark.parametrize("ended_by", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_it_ends_with_all_its_processes(ended_by: signal.Signals) -> None:
     command = [sys.executable, str(REPOSITORY / "evaluate.py"), "expert", "--tracks", "mountain", "lake", "--laps", "9",
                "--jobs", "2"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, start_new_session=True) as process:
@@ -108,8 +109,8 @@ def test_ctrl_c_ends_it_with_all_its_processes() -> None:
             assert process.stderr is not None
             assert b"driving" in process.stderr.read(10)  # the bar
             time.sleep(1)
-            process.send_signal(signal.SIGINT)
-            assert process.wait(60) == 130
+            process.send_signal(ended_by)
+            assert process.wait(60) == (130 if ended_by == signal.SIGINT else -ended_by)
             wait_until_gone(process.pid)
         finally:
             with contextlib.suppress(ProcessLookupError):
