@@ -33,7 +33,7 @@ from pilot.simulator.recording import Demonstration
 from pilot.workers import run_jobs
 
 WANDERING = Demonstration(laps=1, rate=10, wander=0.5)
-PATH_LIMITS = (1.0, 2.0, 3.0)
+PATH_LIMITS = (1.0, 2.0)
 PREDICTORS = {"mse": "mean squared error", "road": "replay, by the road",
               **{f"path {limit:g} m": f"replay, by the driver's path, {limit:g} m" for limit in PATH_LIMITS}}
 
