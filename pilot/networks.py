@@ -25,13 +25,12 @@ class SteeringNetwork(nn.Module):
     def forward(self, frames: Tensor) -> Tensor:
         """Steering (N, float32, -1..1) for frames (N x 160 x 320 x 3, uint8 RGB)."""
         crop = frames[:, slice(*self.rows), slice(*self.columns)]
-        pixels = self.prepare(crop.permute(0, 3, 1, 2).float())
-        steering: Tensor = self.layers(pixels)
+        steering: Tensor = self.layers(self.prepare(crop.permute(0, 3, 1, 2)))
         return steering.squeeze(1)
 
     def prepare(self, pixels: Tensor) -> Tensor:
-        """Scale N x 3 x rows x columns pixels of 0..255 for the first layer."""
-        return pixels / 255 - 0.5
+        """Scale N x 3 x rows x columns pixels (uint8) for the first layer."""
+        return pixels.float() / 255 - 0.5
 
 
 class Nvidia(SteeringNetwork):
@@ -56,8 +55,10 @@ class PilotNet(SteeringNetwork):
 
     def prepare(self, pixels: Tensor) -> Tensor:
         """Scale to 66x200, to YUV (ITU-R BT.601), to about -1..1."""
-        small = functional.interpolate(pixels, (66, 200), mode="bilinear", antialias=True)
-        return functional.conv2d(small / 127.5 - 1, self.yuv[:, :, None, None])
+        if pixels.device.type != "cpu":  # CPUs scale bytes twelve times faster than floats; GPUs only floats
+            pixels = pixels.float()
+        small = functional.interpolate(pixels, (66, 200), mode="bilinear", antialias=True).float()
+        return functional.conv2d(small, self.yuv[:, :, None, None] / 127.5, -self.yuv.sum(1))
 
 
 class LeNet5(SteeringNetwork):
@@ -92,7 +93,7 @@ class Standardised(SteeringNetwork):
 
     def prepare(self, pixels: Tensor) -> Tensor:
         """(x - mean) / max(deviation, 1 / root of the number of values), a picture at a time."""
-        small = functional.interpolate(pixels, (128, 128), mode="bilinear", align_corners=False)
+        small = functional.interpolate(pixels.float(), (128, 128), mode="bilinear", align_corners=False)
         deviation, mean = torch.std_mean(small, dim=(1, 2, 3), keepdim=True, correction=0)
         return (small - mean) / deviation.clamp_min((3 * 128 * 128) ** -0.5)
 

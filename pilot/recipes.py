@@ -28,7 +28,7 @@ class TrainingConfig:
     """Go on with an interrupted training of this --out, with the options it was started with."""
     start: Path | None = None
     """Model to start from instead of random weights, such as models/built_in.pt: it learns on from your laps."""
-    network: NetworkName = "nvidia"
+    network: NetworkName = "pilotnet"
     """Network to train."""
     epochs: int = 15
     """Most passes over the data."""
@@ -142,8 +142,7 @@ _SEED_RECIPES: dict[str, TrainingConfig] = {
 # For the built-in simulator's demonstration. Side cameras and shifted views come back 10 m ahead, as its expert does;
 # no mirroring: the laps go both ways round, and keep to the right where there are two lanes. These labels are exact,
 # so that hardly any L2 is needed.
-_BUILT_IN = TrainingConfig(recipe="built-in", network="pilotnet", epochs=10, l2=1e-6,
-                           samples=SampleConfig(side_correction=0.11),
+_BUILT_IN = TrainingConfig(recipe="built-in", epochs=10, l2=1e-6, samples=SampleConfig(side_correction=0.11),
                            augment=AugmentConfig(flip=0, viewpoint_lookahead=10))
 RECIPES: dict[str, TrainingConfig] = {"default": TrainingConfig(), "built-in": _BUILT_IN, **_SEED_RECIPES}
 
