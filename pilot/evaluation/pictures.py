@@ -18,6 +18,7 @@ ASPHALT, EDGE, GROUND = "#d6d6d2", "#77776f", "#eef0e8"
 REASONS = {"off the road": ("X", "#d0021b"), "no progress": ("s", "#7b1fa2")}  # marker and colour
 FAR_OUT = 2.0  # metres beside the lane's middle, from where on the path has its last colour
 MARGIN = 0.7  # metres of ground that are shown beside the road
+LANE = "the lane's middle"
 JUMP = 2.0  # metres between two states: here the car was put back
 
 
@@ -32,10 +33,10 @@ def draw_drives(title: str, track: Track, drives: Sequence[Driven], scores: Scor
     return figure
 
 
-def headline(title: str, scores: Scores) -> str:
-    """What came of it in one line."""
+def headline(title: str, scores: Scores, place: str = LANE) -> str:
+    """What came of it in one line; `place` is where the car should be."""
     text = f"{scores.interventions} intervention{'s' * (scores.interventions != 1)}, autonomy {scores.autonomy:.1f} %"
-    return f"{title}: {text}, {scores.offset_mean:.2f} m beside the lane's middle on average"
+    return f"{title}: {text}, {scores.offset_mean:.2f} m beside {place} on average"
 
 
 def _draw_road(axis: Axes, track: Track) -> None:
@@ -57,7 +58,7 @@ def _closed(points: Array) -> Array:
     return np.vstack([points, points[:1]])
 
 
-def draw_paths(figure: Figure, axis: Axes, drives: Sequence[Driven]) -> None:
+def draw_paths(figure: Figure, axis: Axes, drives: Sequence[Driven], place: str = LANE) -> None:
     """The paths as seen from above, coloured by the place in the lane, and where the car was put back."""
     for drive in drives:
         segments = np.stack([drive.positions[:-1], drive.positions[1:]], 1)
@@ -66,7 +67,7 @@ def draw_paths(figure: Figure, axis: Axes, drives: Sequence[Driven]) -> None:
         lines.set_array(np.abs(drive.offsets[1:][driven]))
         lines.set_clim(0, FAR_OUT)
         axis.add_collection(lines)
-    figure.colorbar(lines, ax=axis, label="metres beside the lane's middle", extend="max", shrink=0.8, pad=0.02)
+    figure.colorbar(lines, ax=axis, label=f"metres beside {place}", extend="max", shrink=0.8, pad=0.02)
     for reason, (marker, colour) in REASONS.items():
         places = np.array([(each.x, each.y) for drive in drives for each in drive.interventions
                            if each.reason == reason])
@@ -94,7 +95,7 @@ def _draw_offsets(axis: Axes, track: Track, drives: Sequence[Driven]) -> None:
                       markeredgecolor="white", markeredgewidth=0.8)
     # seen in the direction of driving: left is up
     axis.set(xlim=(0, track.length), ylim=(highest.max() + MARGIN, lowest.min() - MARGIN))
-    axis.set(xlabel="metres along the lap", ylabel="metres beside the lane's middle")
+    axis.set(xlabel="metres along the lap", ylabel=f"metres beside {LANE}")
     axis.yaxis.set_major_formatter(FuncFormatter(side_of_road))
     axis.set_facecolor(GROUND)
     axis.legend(loc="lower right", fontsize=9)

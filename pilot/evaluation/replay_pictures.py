@@ -12,26 +12,26 @@ from pilot.evaluation.replay import LIMITS, Reference, Replayable, Stretch
 from pilot.evaluation.scores import Array, Driven, Scores
 
 BREAK = 20.0  # metres on the drawn axis between two stretches
-MEASURED: dict[Reference, str] = {"road": "metres beside the usual place on the road",
-                                  "path": "metres beside the driver's smoothed path"}
+PLACES: dict[Reference, str] = {"road": "the usual place on the road", "path": "the driver's smoothed path"}
 
 
 def draw_replay(title: str, recording: Replayable, drives: Sequence[Driven], scores: Scores) -> Figure:
     """What became of a replayed recording."""
     figure = Figure((14, 7), layout="constrained")
     axes = figure.subplot_mosaic([["above", "offsets"], ["above", "steering"]], width_ratios=(1, 1.6))
-    figure.suptitle(headline(title, scores), fontsize=12)
-    draw_paths(figure, axes["above"], _side_by_side(drives))
+    place = PLACES[recording.reference]
+    figure.suptitle(headline(title, scores, place), fontsize=12)
+    draw_paths(figure, axes["above"], _side_by_side(drives), place)
     axes["above"].set(aspect="equal", xlabel="metres, by steering and speed", title="the driven path")
     axes["above"].autoscale_view()
     axes["above"].set_facecolor(GROUND)
     begin = 0.0
     for stretch, drive in zip(recording.stretches, drives, strict=True):
-        place = begin + drive.progress
-        _draw_offsets(axes["offsets"], place, stretch, drive, LIMITS[recording.reference])
-        _draw_steering(axes["steering"], place, stretch, drive)
-        begin = float(place[-1]) + BREAK
-    _finish(axes["offsets"], axes["steering"], MEASURED[recording.reference])
+        along = begin + drive.progress
+        _draw_offsets(axes["offsets"], along, stretch, drive, LIMITS[recording.reference])
+        _draw_steering(axes["steering"], along, stretch, drive)
+        begin = float(along[-1]) + BREAK
+    _finish(axes["offsets"], axes["steering"], f"metres beside {place}")
     return figure
 
 
@@ -45,19 +45,19 @@ def _side_by_side(drives: Sequence[Driven]) -> list[Driven]:
     return moved
 
 
-def _draw_offsets(axis: Axes, place: Array, stretch: Stretch, drive: Driven, limit: float) -> None:
-    axis.fill_between(place, *stretch.allowed(limit), color=ASPHALT, linewidth=0)
-    axis.plot(place, stretch.driver, color="#555555", linewidth=0.9, linestyle="--")
-    axis.plot(place, drive.offsets, color="C0", linewidth=1.1)
+def _draw_offsets(axis: Axes, along: Array, stretch: Stretch, drive: Driven, limit: float) -> None:
+    axis.fill_between(along, *stretch.allowed(limit), color=ASPHALT, linewidth=0)
+    axis.plot(along, stretch.driver, color="#555555", linewidth=0.9, linestyle="--")
+    axis.plot(along, drive.offsets, color="C0", linewidth=1.1)
     for each in drive.interventions:
         index = int(np.searchsorted(drive.times, each.time - 1e-9))
         marker, colour = REASONS[each.reason]
-        axis.plot(place[index], drive.offsets[index], marker, color=colour, markersize=8, markeredgecolor="white")
+        axis.plot(along[index], drive.offsets[index], marker, color=colour, markersize=8, markeredgecolor="white")
 
 
-def _draw_steering(axis: Axes, place: Array, stretch: Stretch, drive: Driven) -> None:
-    axis.plot(place, stretch.rows["steering"], color="#999999", linewidth=0.8)
-    axis.plot(place, drive.steering, color="C0", linewidth=1.0)
+def _draw_steering(axis: Axes, along: Array, stretch: Stretch, drive: Driven) -> None:
+    axis.plot(along, stretch.rows["steering"], color="#999999", linewidth=0.8)
+    axis.plot(along, drive.steering, color="C0", linewidth=1.0)
 
 
 def _finish(offsets: Axes, steering: Axes, measured: str) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from pilot.driving_log import part_of_each, read_driving_logs
@@ -16,9 +17,9 @@ from pilot.evaluation.closed_loop import CLIP_START, MakeSteer, ModelDriver, Tas
 from pilot.evaluation.over_socket import run_over_socket
 from pilot.evaluation.pictures import draw_drives
 from pilot.evaluation.plan import Setup
-from pilot.evaluation.replay import Moment, Replayable, prepare, replay
+from pilot.evaluation.replay import Moment, Replayable, Steer, prepare, replay
 from pilot.evaluation.replay_pictures import draw_replay
-from pilot.evaluation.scores import Array, Driven, Scores
+from pilot.evaluation.scores import Driven, Scores
 from pilot.frames import encode_frame
 from pilot.log_format import LOG_NAME
 from pilot.simulator.catalogue import load_track
@@ -125,14 +126,8 @@ class RecordingTrial:
     def _replay(self, driver: ModelDriver, clip: Path | None) -> list[Driven]:
         if clip is None:
             return replay(self.recording, driver())
-        with tempfile.TemporaryDirectory() as name:
-            moments = list[Moment]()
-            driven = replay(self.recording, driver(), watch=moments.append)
-            pauses = np.diff([moment.row["time"] for moment in moments])
-            fps = round(1 / float(np.median(pauses)), 2)
-            _write_frames(Path(name), fps, moments, np.concatenate([drive.steering for drive in driven]))
-            film(Path(name), clip, fps)
-        return driven
+        with tempfile.TemporaryDirectory() as folder:
+            return _filmed(Path(folder), self.recording, driver(), clip)
 
     def draw(self, title: str, drives: Sequence[Driven], scores: Scores) -> Figure:
         """The path, the place on the road, recorded and predicted steering."""
@@ -151,12 +146,21 @@ def prepare_trial(last_part: float, named: tuple[str, Path]) -> RecordingTrial:
     return RecordingTrial(name, prepare(rows))
 
 
-def _write_frames(folder: Path, fps: float, moments: Sequence[Moment], steering: Array) -> None:
-    """What the model saw and did, as drive.py records it."""
-    lines = []
-    for number, (moment, command) in enumerate(zip(moments, steering, strict=True)):
-        seen = CLIP_START + timedelta(seconds=number / fps)
-        name = f"{seen:%Y_%m_%d_%H_%M_%S}_{seen.microsecond // 1000:03d}.jpg"
-        (folder / name).write_bytes(encode_frame(moment.frame))
-        lines.append(f"{name},,,{command:.6g},0,0,{moment.row['speed']:.6g}\n")
-    (folder / LOG_NAME).write_text("".join(lines))
+def _filmed(folder: Path, recording: Replayable, steer: Steer, clip: Path) -> list[Driven]:
+    """Replay, and make a clip of what the model saw and did, by way of a drive as drive.py records it."""
+    rows = pd.concat([stretch.rows for stretch in recording.stretches])
+    fps = round(1 / float(rows["time"].diff().median()), 2)
+    seen = [CLIP_START + timedelta(seconds=number / fps) for number in range(len(rows))]
+    names = [f"{moment:%Y_%m_%d_%H_%M_%S}_{moment.microsecond // 1000:03d}.jpg" for moment in seen]
+    unseen = iter(names)
+
+    def keep(moment: Moment) -> None:
+        (folder / next(unseen)).write_bytes(encode_frame(moment.frame))
+
+    driven = replay(recording, steer, watch=keep)
+    steering = np.concatenate([drive.steering for drive in driven])
+    (folder / LOG_NAME).write_text("".join(
+        f"{name},,,{command:.6g},0,0,{speed:.6g}\n"
+        for name, command, speed in zip(names, steering, rows["speed"], strict=True)))
+    film(folder, clip, fps)
+    return driven
