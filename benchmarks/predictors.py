@@ -22,8 +22,9 @@ from tqdm import tqdm
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from pilot import plots
+from pilot.driver import Steer
 from pilot.driving_log import read_driving_logs
-from pilot.evaluation.closed_loop import ModelDriver, Steer, Task, run
+from pilot.evaluation.closed_loop import ModelDriver, Task, run
 from pilot.evaluation.plan import Setup, expand_tracks
 from pilot.evaluation.replay import Replayable, ReplayConfig, along_path, prepare, replay
 from pilot.evaluation.scores import measure

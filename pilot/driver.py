@@ -1,6 +1,7 @@
 """model.pt → steering for one camera frame, as fast as the CPU gives it."""
 
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ import torch
 from pilot.camera import COLUMNS, ROWS
 from pilot.checkpoint import Model, load_model
 from pilot.frames import Frame
+
+Steer = Callable[[Frame], float]  # a 160x320x3 uint8 RGB frame to steering, -1..1
 
 WARM_UP = 20  # the first runs of a frozen network optimise it, and must not happen while the car drives
 

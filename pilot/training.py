@@ -26,6 +26,7 @@ from torch.nn.parallel import DistributedDataParallel
 from pilot.batches import Batch, BatchLoader
 from pilot.checkpoint import UnusableModel, load_model, plain
 from pilot.distributed import Processes
+from pilot.driver import Steer
 from pilot.files import write_atomically
 from pilot.frames import Frame
 from pilot.interrupt import Interrupt, catch_interrupt
@@ -34,7 +35,6 @@ from pilot.networks import SteeringNetwork, build_network
 from pilot.recipes import TrainingConfig
 
 SAVE_SECONDS = 120  # a power cut costs at most this much work
-Steer = Callable[[Frame], float]
 DrivingCheck = Callable[[Steer], tuple[int, float]]  # how well it drives: interventions, mean offset in metres
 Progress = Callable[[Iterable[Batch], int, str], Iterable[Batch]]
 
@@ -267,7 +267,7 @@ def first_network(config: TrainingConfig) -> SteeringNetwork:
     model = load_model(config.start)
     if model.name != config.network:
         raise UnusableModel(f"{config.start}: is a {model.name}; start from it with --network {model.name}")
-    return model.network.to(memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]
+    return model.network
 
 
 def fingerprint(samples: pd.DataFrame) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 
 from pilot.autopilot import Answer, Autopilot
 from pilot.clip import Overlays, make_clip
-from pilot.driver import Driver
+from pilot.driver import Driver, Steer
 from pilot.evaluation.plan import Setup
 from pilot.evaluation.scores import Driven, Intervention, Reason
 from pilot.frames import Frame
@@ -32,7 +32,6 @@ SLOWEST = 0.25  # share of the set speed; who is slower on average does not get 
 FRAMES_PER_SECOND = 1 / (TICKS * TICK)
 CLIP_START = datetime(2000, 1, 1)  # frames of a clip are named by the simulator's clock
 
-Steer = Callable[[Frame], float]
 MakeSteer = Callable[[Drive], Steer]
 Command = tuple[float, float]
 

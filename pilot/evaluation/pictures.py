@@ -88,17 +88,22 @@ def _draw_offsets(axis: Axes, track: Track, drives: Sequence[Driven]) -> None:
         place = track.locate(*drive.positions[0]).progress + drive.progress
         for part in _pieces(drive, place // track.length):
             axis.plot(place[part] % track.length, drive.offsets[part], color=f"C{number % 10}", linewidth=1.1)
-        for each in drive.interventions:
-            index = int(np.searchsorted(drive.times, each.time - 1e-9))
-            marker, colour = REASONS[each.reason]
-            axis.plot(place[index] % track.length, drive.offsets[index], marker, color=colour, markersize=8,
-                      markeredgecolor="white", markeredgewidth=0.8)
+        mark_interventions(axis, place % track.length, drive)
     # seen in the direction of driving: left is up
     axis.set(xlim=(0, track.length), ylim=(highest.max() + MARGIN, lowest.min() - MARGIN))
     axis.set(xlabel="metres along the lap", ylabel=f"metres beside {LANE}")
     axis.yaxis.set_major_formatter(FuncFormatter(side_of_road))
     axis.set_facecolor(GROUND)
     axis.legend(loc="lower right", fontsize=9)
+
+
+def mark_interventions(axis: Axes, along: Array, drive: Driven) -> None:
+    """Where the car was put back, on an axis of offsets over `along` (n)."""
+    for each in drive.interventions:
+        index = int(np.searchsorted(drive.times, each.time - 1e-9))
+        marker, colour = REASONS[each.reason]
+        axis.plot(along[index], drive.offsets[index], marker, color=colour, markersize=8,
+                  markeredgecolor="white", markeredgewidth=0.8)
 
 
 def _pieces(drive: Driven, laps: Array) -> Iterator[slice]:

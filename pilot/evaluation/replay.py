@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
+from pilot.driver import Steer
 from pilot.evaluation.reference_path import (
     Array,
     Line,
@@ -34,7 +35,6 @@ from pilot.log_format import CAMERAS
 from pilot.simulator.car import MPH, path_curvature
 from pilot.simulator.track import HALF_TRACK
 
-Steer = Callable[[Frame], float]
 Reference = Literal["road", "path"]
 
 UNCLEAR = 0.6  # clarity, below which the road's middle has been seen to be wrong

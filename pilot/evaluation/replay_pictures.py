@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from pilot.evaluation.pictures import ASPHALT, GROUND, REASONS, draw_paths, headline, side_of_road
+from pilot.evaluation.pictures import ASPHALT, GROUND, draw_paths, headline, mark_interventions, side_of_road
 from pilot.evaluation.replay import LIMITS, Reference, Replayable, Stretch
 from pilot.evaluation.scores import Array, Driven, Scores
 
@@ -49,10 +49,7 @@ def _draw_offsets(axis: Axes, along: Array, stretch: Stretch, drive: Driven, lim
     axis.fill_between(along, *stretch.allowed(limit), color=ASPHALT, linewidth=0)
     axis.plot(along, stretch.driver, color="#555555", linewidth=0.9, linestyle="--")
     axis.plot(along, drive.offsets, color="C0", linewidth=1.1)
-    for each in drive.interventions:
-        index = int(np.searchsorted(drive.times, each.time - 1e-9))
-        marker, colour = REASONS[each.reason]
-        axis.plot(along[index], drive.offsets[index], marker, color=colour, markersize=8, markeredgecolor="white")
+    mark_interventions(axis, along, drive)
 
 
 def _draw_steering(axis: Axes, along: Array, stretch: Stretch, drive: Driven) -> None:

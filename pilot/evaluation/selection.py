@@ -5,7 +5,8 @@ import functools
 import numpy as np
 import pandas as pd
 
-from pilot.evaluation.closed_loop import Steer, drive_laps
+from pilot.driver import Steer
+from pilot.evaluation.closed_loop import drive_laps
 from pilot.evaluation.plan import Setup
 from pilot.evaluation.replay import Replayable, prepare, replay
 from pilot.evaluation.scores import Driven
