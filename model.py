@@ -14,7 +14,7 @@ from pilot.log_format import LOG_NAME
 from pilot.recipes import RECIPES, TrainingConfig, config_from_plain
 
 BUILT_IN = "built_in"  # folder in data/ for the built-in simulator's recordings
-MAY_CHANGE = {"resume", "epochs", "patience", "min_delta", "tensorboard", "device"}  # in a resumed training
+MAY_CHANGE = {"resume", "epochs", "patience", "min_delta", "tensorboard", "device", "cache_gb"}  # in a resumed training
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -39,9 +39,9 @@ def run(config: TrainingConfig) -> None:
         NoUsableData, UnusableModel, ValueError, OSError: with the cure in the message.
     """
     # imported here: --help and wrong options need not wait for torch, nor the processes that record
+    from pilot.devices import choose_device
     from pilot.distributed import join_processes
     from pilot.session import train
-    from pilot.training import choose_device
 
     choose_device(config.device)  # refuse a wrong one before minutes of reading
     with join_processes() as processes:

@@ -25,11 +25,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from pilot.batches import Batch
+from pilot.devices import keep_memory
 from pilot.driving_log import read_driving_logs
 from pilot.networks import NETWORKS
 from pilot.recipes import RECIPES
 from pilot.samples import make_samples
-from pilot.training import Training, keep_memory
+from pilot.training import Training
 
 WARM_UP = 4  # steps of a round that are not counted
 

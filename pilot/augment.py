@@ -7,7 +7,7 @@ at are computed. The photometric ones change pixels in place and leave the label
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -107,23 +107,78 @@ def shift_viewpoint(view: View, offset: float, heading: float, lookahead: float)
     return view.moved(camera.viewpoint_homography(offset, heading), camera.curvature_to_steering(back))
 
 
-def render(frame: Frame, view: View, rows: tuple[int, int]) -> Frame:
-    """The rows `rows[0]..rows[1]-1` of a 160x320x3 frame as the view shows it: a copy, same width."""
+def render(frame: Frame, view: View, rows: tuple[int, int], first_row: int = 0) -> Frame:
+    """The rows `rows[0]..rows[1]-1` of a 160x320x3 frame as the view shows it: a copy, same width.
+
+    Args:
+        frame: the frame, or its rows from `first_row` on, of which `rows_seen` says how many are enough.
+        view: how it is seen.
+        rows: of the whole frame.
+        first_row: of the whole frame.
+    """
     top, bottom = rows
     if view.homography is None:
-        return frame[top:bottom].copy()
+        return frame[top - first_row : bottom - first_row].copy()
     if view.homography is MIRROR:  # the most frequent one, without a warp
-        return frame[top:bottom, ::-1].copy()
-    lift = np.array([[1.0, 0, 0], [0, 1, -top], [0, 0, 1]])
+        return np.asarray(cv2.flip(frame[top - first_row : bottom - first_row], 1), np.uint8)
     size = (COLUMNS, bottom - top)
-    matrix = lift @ view.homography
+    matrix = from_rows(view.homography, first_row, top)
     if np.array_equal(matrix[2], [0, 0, 1]):  # the same pixels, a little faster
         return np.asarray(cv2.warpAffine(frame, matrix[:2], size), np.uint8)
     # a black corner would tell the network how far the viewpoint was shifted, so the border is continued
     return np.asarray(cv2.warpPerspective(frame, matrix, size, borderMode=cv2.BORDER_REPLICATE), np.uint8)
 
 
+def from_rows(homography: Matrix, first_row: int, top: int) -> Matrix:
+    """A homography of whole frames as one from a picture that begins at `first_row` to one that begins at `top`."""
+    lift, lower = np.eye(3), np.eye(3)
+    lift[1, 2], lower[1, 2] = -top, first_row
+    return np.asarray(lift @ homography @ lower)
+
+
+def rows_seen(rows: tuple[int, int], config: AugmentConfig | None, rotation: float) -> tuple[int, int]:
+    """The recorded frame's rows that any view of `rows` may show.
+
+    Args:
+        rows: what the network looks at.
+        config: of the random augmentations; None without them.
+        rotation: degrees, the largest of a sample's own.
+    """
+    views = [View(0.0, np.eye(3))]
+    if config and config.viewpoint:
+        metres, radians = config.viewpoint_metres, math.radians(config.viewpoint_degrees)
+        views += [shift_viewpoint(view, side * metres, turn * radians, config.viewpoint_lookahead)
+                  for view in views for side in (-1, 1) for turn in (-1, 1)]
+    turned = rotation + (config.rotation_degrees if config and config.rotation else 0)
+    if turned:
+        views += [rotate(view, sign * turned) for view in views for sign in (-1, 1)]
+    if config and config.crop:
+        views += [crop_height(view, top, bottom)
+                  for view in views for top in config.crop_top for bottom in config.crop_bottom]
+    corners = np.array([[x, y, 1] for x in (0, COLUMNS - 1) for y in (rows[0], rows[1] - 1)]).T
+    sources = [np.linalg.inv(view.homography) @ corners for view in views if view.homography is not None]
+    heights = np.concatenate([source[1] / source[2] for source in sources])
+    return max(math.floor(heights.min()) - 1, 0), min(math.ceil(heights.max()) + 2, ROWS)
+
+
 # Light: pixels only
+
+
+@dataclass(frozen=True)
+class Light:
+    """How bright a picture is (1: as recorded), and in a shadow beside a line from column `top` to `bottom`."""
+
+    factor: float = 1.0
+    top: float = 0.0
+    bottom: float = 0.0
+    right: bool = False
+    shadow: float = 1.0
+
+    def on(self, pixels: Frame) -> Frame:
+        """The pixels in this light."""
+        if self.factor != 1:
+            pixels = brightness(pixels, self.factor)
+        return pixels if self.shadow == 1 else shadow(pixels, self.top, self.bottom, self.right, self.shadow)
 
 
 def brightness(pixels: Frame, factor: float) -> Frame:
@@ -157,11 +212,13 @@ def random_view(view: View, config: AugmentConfig, rng: np.random.Generator) -> 
     return flip(view) if rng.random() < config.flip else view
 
 
-def random_light(pixels: Frame, config: AugmentConfig, rng: np.random.Generator) -> Frame:
+def random_light(config: AugmentConfig, rng: np.random.Generator) -> Light:
     """Draw the photometric augmentations; each with its probability."""
+    light = Light()
     if rng.random() < config.brightness:
-        pixels = brightness(pixels, rng.uniform(*config.brightness_range))
+        light = replace(light, factor=rng.uniform(*config.brightness_range))
     if rng.random() < config.shadow:
-        top, bottom = rng.uniform(0, pixels.shape[1], 2)
-        pixels = shadow(pixels, top, bottom, bool(rng.integers(2)), rng.uniform(*config.shadow_range))
-    return pixels
+        top, bottom = rng.uniform(0, COLUMNS, 2)
+        light = replace(light, top=top, bottom=bottom, right=bool(rng.integers(2)),
+                        shadow=rng.uniform(*config.shadow_range))
+    return light

@@ -1,12 +1,12 @@
 """One training on several processes (torchrun): who am I, and sums over all of us."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch import distributed as group
 
 
@@ -28,6 +28,21 @@ class Processes:
         if self.world > 1:
             group.all_reduce(values)
         return values
+
+    def sum_gradients(self, parameters: Sequence[nn.Parameter]) -> None:
+        """Add up the parameters' gradients over all processes, in one message."""
+        if self.world > 1:
+            gradients = [p.grad for p in parameters if p.grad is not None]
+            flat = self.sum(torch.cat([gradient.flatten() for gradient in gradients]))
+            for gradient, total in zip(gradients, torch.split(flat, [g.numel() for g in gradients]), strict=True):
+                gradient.copy_(total.view_as(gradient))
+
+    def average_statistics(self, network: nn.Module) -> None:
+        """Give all processes the same means and variances in batch normalisation: the mean of what each has seen."""
+        if self.world > 1:
+            for name, statistic in network.named_buffers():
+                if name.endswith(("running_mean", "running_var")):
+                    self.sum(statistic).div_(self.world)
 
     def wait(self) -> None:
         """Until all processes are here."""

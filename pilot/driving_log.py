@@ -6,19 +6,16 @@ A recording is a folder with a driving_log.csv and, beside it, the pictures in I
 import math
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
-from pilot.frames import image_fault
+from pilot.frame_cache import FrameCache, Progress
 from pilot.log_format import CAMERAS, LOG_NAME, NUMBERS, LogLine, parse_log, time_of
 
 SECONDS_A_ROW = 0.1  # where the names of the pictures carry no time
-
-Progress = Callable[[Iterable[str], int], Iterable[str]]
 
 
 class NoUsableData(ValueError):
@@ -71,12 +68,14 @@ def find_recordings(folders: Sequence[Path]) -> list[Path]:
     return list({log.resolve(): log for log in logs}.values())
 
 
-def read_driving_logs(folders: Sequence[Path], progress: Progress | None = None) -> DrivingLog:
+def read_driving_logs(folders: Sequence[Path], progress: Progress | None = None,
+                      cache: FrameCache | None = None) -> DrivingLog:
     """Read one or many recordings and leave out what cannot be used, counted by reason.
 
     Args:
         folders: recordings, or folders of recordings.
         progress: wraps the pictures while they are checked (called with them and their number).
+        cache: knows some pictures already, and keeps the others.
 
     Raises:
         NoUsableData: nothing can be used; names the file, the reasons and the cure.
@@ -85,7 +84,8 @@ def read_driving_logs(folders: Sequence[Path], progress: Progress | None = None)
     parts = [_read_log(log, number) for number, log in enumerate(logs)]
     rows = pd.concat([rows for rows, _ in parts], ignore_index=True)
     left_out = tuple(counts for _, counts in parts)
-    rows = _without_bad_images(rows, left_out, progress)
+    paths = [path for camera in CAMERAS for path in rows[camera] if path]
+    rows = _without_bad_images(rows, left_out, (cache or FrameCache()).check(paths, progress))
     recordings = tuple(log.parent if log.name == LOG_NAME else log for log in logs)
     if rows.empty:
         raise NoUsableData(_nothing_usable(logs, left_out))
@@ -171,18 +171,8 @@ def _fill_times(times: "pd.Series[float]") -> "pd.Series[float]":
     return times
 
 
-def _without_bad_images(
-    rows: pd.DataFrame, left_out: Sequence[Counter[str]], progress: Progress | None
-) -> pd.DataFrame:
-    """Drop rows whose centre picture cannot be decoded, and side pictures that cannot."""
-    paths = [path for camera in CAMERAS for path in rows[camera] if path]
-    with ThreadPoolExecutor(os.cpu_count()) as threads:
-        try:
-            shown = progress(paths, len(paths)) if progress else paths
-            checked = zip(shown, threads.map(image_fault, paths), strict=False)
-            bad = {path: fault for path, fault in checked if fault}
-        finally:  # Ctrl-C: don't read the rest
-            threads.shutdown(cancel_futures=True)
+def _without_bad_images(rows: pd.DataFrame, left_out: Sequence[Counter[str]], bad: dict[str, str]) -> pd.DataFrame:
+    """Drop rows whose centre picture cannot be used, and side pictures that cannot."""
     for camera in CAMERAS:
         damaged = rows[rows[camera].isin(list(bad))]
         what = "" if camera == "center" else "side "

@@ -24,28 +24,6 @@ class UnreadableImage(ValueError):
         self.reason = reason
 
 
-class FrameCache:
-    """Decoded frames in memory, up to a number of bytes; what does not fit is decoded each time."""
-
-    def __init__(self, limit: int = 1 << 30) -> None:
-        self._frames: dict[str, Frame] = {}
-        self._left = limit // (ROWS * COLUMNS * 3)
-
-    def read(self, path: str) -> Frame:
-        """The frame of a picture file, not to be written to.
-
-        Raises:
-            UnreadableImage: as `read_frame`.
-        """
-        frame = self._frames.get(path)
-        if frame is None:
-            frame = read_frame(path)
-            if self._left > 0:  # threads may both pass here: then a frame or two more is kept
-                self._left -= 1
-                self._frames[path] = frame
-        return frame
-
-
 def read_frame(path: Path | str) -> Frame:
     """Read a picture file as a 160x320x3 uint8 RGB frame; other sizes are scaled to it.
 
@@ -94,15 +72,6 @@ def _to_size(frame: Frame) -> Frame:
     if frame.shape[:2] == (ROWS, COLUMNS):
         return frame
     return np.asarray(cv2.resize(frame, (COLUMNS, ROWS), interpolation=cv2.INTER_AREA), np.uint8)
-
-
-def image_fault(path: Path | str) -> str | None:
-    """Why a picture file cannot be used ("image missing", "image empty", "image corrupt"), or None."""
-    try:
-        read_frame(path)
-    except UnreadableImage as error:
-        return error.reason
-    return None
 
 
 def encode_frame(frame: Frame) -> bytes:

@@ -30,7 +30,7 @@ class SteeringNetwork(nn.Module):
 
     def prepare(self, pixels: Tensor) -> Tensor:
         """Scale N x 3 x rows x columns pixels (uint8) for the first layer."""
-        return pixels.float() / 255 - 0.5
+        return pixels.float().div_(255).sub_(0.5)
 
 
 class Nvidia(SteeringNetwork):

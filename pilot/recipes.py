@@ -57,6 +57,9 @@ class TrainingConfig:
     """Seed of everything random: same seed, same split, same model (on a CPU)."""
     device: str = "auto"
     """cuda, mps or cpu; auto takes the fastest there is."""
+    cache_gb: float = 4.0
+    """Disk space for decoded pictures (1e9 bytes), in your cache folder: they are kept between trainings, the longest
+    unused go first. 0: decode each picture each time."""
     tensorboard: bool = False
     """Also write TensorBoard events (pip install tensorboard)."""
     # a side camera 0.82 m off the middle comes back 15 m ahead, as the shifted viewpoints do; the seeds' 0.2
@@ -75,7 +78,7 @@ class TrainingConfig:
                     "samples.block-seconds": self.samples.block_seconds, "samples.bins": self.samples.bins,
                     "samples.cap": self.samples.cap, "samples.first-part": self.samples.first_part,
                     "augment.viewpoint-lookahead": self.augment.viewpoint_lookahead}
-        not_negative = {"l2": self.l2, "min-delta": self.min_delta,
+        not_negative = {"l2": self.l2, "min-delta": self.min_delta, "cache-gb": self.cache_gb,
                         "samples.smooth-seconds": self.samples.smooth_seconds,
                         "samples.rotated-copies": self.samples.rotated_copies}
         shares = {f"augment.{name}": getattr(self.augment, name)

@@ -8,10 +8,13 @@ from typing import Any
 import pandas as pd
 from tqdm import tqdm
 
+from pilot.augment import rows_seen
 from pilot.batches import Batch
 from pilot.checkpoint import Model, load_plain, plain, save_model
 from pilot.distributed import Processes
 from pilot.driving_log import DrivingLog, read_driving_logs
+from pilot.frame_cache import FrameCache
+from pilot.networks import NETWORKS
 from pilot.recipes import TrainingConfig
 from pilot.report import SMOOTHED_SECONDS, History, Measured, draw_results, draw_samples, measure
 from pilot.samples import make_samples
@@ -29,12 +32,16 @@ def train(config: TrainingConfig, processes: Processes) -> None:
         KeyboardInterrupt: on Ctrl-C, after saying how to go on.
     """
     say: Callable[[str], None] = print if processes.leads else lambda _: None
-    log = read_driving_logs(config.folders, checking_bar(hidden=not processes.leads))
+    cache = make_cache(config)
+    log = read_in_turn(config, cache, processes)
     say(log.table())
+    if cache.trouble:
+        say(f"decoded pictures cannot be kept ({cache.trouble}): each is decoded anew in every epoch")
     samples, validation = make_samples(log.rows, config.samples, config.seed)
     # one process drives for all
     driving_check = make_driving_check(config, log, validation) if processes.leads else None
-    training = Training(config, samples, validation, processes, driving_check)
+    training = Training(config, samples, validation, processes=processes, driving_check=driving_check,
+                        cache=cache)
     say(f"{len(training.training)} pictures to train on, {len(training.validation)} moments to validate with; "
         f"network {config.network} on {training.device.type}")
     _prepare_state(config, training)
@@ -58,6 +65,23 @@ def train(config: TrainingConfig, processes: Processes) -> None:
     if processes.leads:
         finish(config, training, measured)
     processes.wait()
+
+
+def make_cache(config: TrainingConfig) -> FrameCache:
+    """The cache of the frames' rows that this training looks at."""
+    turned = config.samples.rotation_range if config.samples.rotated_copies else 0.0
+    rows = rows_seen(NETWORKS[config.network].rows, config.augment, turned)
+    return FrameCache(rows, limit=int(config.cache_gb * 1e9))
+
+
+def read_in_turn(config: TrainingConfig, cache: FrameCache, processes: Processes) -> DrivingLog:
+    """Read the recordings: first the process that leads, then the others, who find all pictures decoded."""
+    if not processes.leads:
+        processes.wait()
+    log = read_driving_logs(config.folders, checking_bar(hidden=not processes.leads), cache)
+    if processes.leads:
+        processes.wait()
+    return log
 
 
 def make_driving_check(config: TrainingConfig, log: DrivingLog, validation: pd.DataFrame) -> DrivingCheck | None:

@@ -4,14 +4,12 @@ A `Training` holds all that changes while it runs; `state()` is written to disk 
 training that goes on from there ends with exactly the weights of one that was never interrupted.
 """
 
-import contextlib
 import copy
-import ctypes
+import functools
 import hashlib
 import math
-import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +17,17 @@ import numpy as np
 import pandas as pd
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional
-from torch.nn.parallel import DistributedDataParallel
 
-from pilot.batches import Batch, BatchLoader
+from pilot.batches import Batch, BatchLoader, Part
 from pilot.checkpoint import UnusableModel, load_model, plain
+from pilot.device_augment import augment
+from pilot.devices import Cores, autocast, choose_device, keep_memory, parts_of_a_batch
 from pilot.distributed import Processes
 from pilot.driver import Steer
 from pilot.files import write_atomically
+from pilot.frame_cache import FrameCache
 from pilot.frames import Frame
 from pilot.interrupt import Interrupt, catch_interrupt
 from pilot.metrics import Agreement, agreement
@@ -50,8 +50,9 @@ class Training:
         best_driving: the same of the best drive so far, if there is a driving check.
     """
 
-    def __init__(self, config: TrainingConfig, training: pd.DataFrame, validation: pd.DataFrame,
-                 processes: Processes | None = None, driving_check: DrivingCheck | None = None) -> None:
+    def __init__(self, config: TrainingConfig, training: pd.DataFrame, validation: pd.DataFrame, *,
+                 processes: Processes | None = None, driving_check: DrivingCheck | None = None,
+                 cache: FrameCache | None = None) -> None:
         """Set up the network of `config` for these samples.
 
         Args:
@@ -59,25 +60,30 @@ class Training:
             training, validation: samples.
             processes: that train together.
             driving_check: judges each epoch, where `config.select` asks for it; of the process that leads.
+            cache: reads the frames.
         """
         self.config, self.driving_check = config, driving_check
         self.processes = processes or Processes()
         self.device = choose_device(config.device, self.processes.local_rank)
         self.network = first_network(config).to(self.device)
+        self.parameters = list(self.network.parameters())
         self.optimiser = torch.optim.Adam(
             # Adam adds weight_decay * w to the gradient; that of l2 * sum of w**2 is 2 * l2 * w
-            self.network.parameters(), lr=config.learning_rate, weight_decay=2 * config.l2,
+            self.parameters, lr=config.learning_rate, weight_decay=2 * config.l2,
             fused=self.device.type in ("cpu", "cuda"),
         )
         self.training, self.validation = training, validation
         self.training_mean = float(np.average(training["steering"], weights=training["weight"]))
+        self.cache = cache or FrameCache()
+        share = self.config.batch_size // self.processes.world
+        self.parts = parts_of_a_batch(self.network, self.device, share)
+        self.cores = Cores(self.parts)
         self.loader = self._loader(training, augment=True)
         self.epoch = self.step = 0
         self.error_sum = torch.zeros((), device=self.device)
         self.history: list[dict[str, float]] = []
         self.best: dict[str, Any] = {"error": math.inf, "epoch": 0, "weights": {}}
         self.best_driving: dict[str, Any] = {"error": (math.inf, math.inf), "epoch": 0, "weights": {}}
-        self._model = self._parallel()
         self._saved = time.monotonic()
 
     # Running
@@ -128,17 +134,28 @@ class Training:
 
     def train_batch(self, batch: Batch) -> None:
         """One step: the mean loss over the whole batch of all processes."""
-        parts = (batch.frames, batch.steering, batch.weight)
-        frames, steering, weight = (part.to(self.device, non_blocking=True) for part in parts)
-        with autocast(self.device):
-            predicted = self._model(frames).float()
-        # each process has its share of the batch, and the gradients of all are averaged
-        loss = (weight * self._losses(predicted, steering)).sum() * self.processes.world / batch.size
-        self.optimiser.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
+        parts = self.cores.map(lambda part: self.gradients(part(), batch.size), batch.parts)
+        for parameter, *gradients in zip(self.parameters, *(gradients for gradients, _ in parts), strict=True):
+            parameter.grad = functools.reduce(Tensor.add_, gradients)
+        self.processes.sum_gradients(self.parameters)
         self.optimiser.step()
-        self.error_sum += (predicted.detach() - steering).square().sum()
+        self.error_sum += torch.stack([errors for _, errors in parts]).sum()
         self.step += 1
+
+    def gradients(self, part: Part, size: int) -> tuple[Sequence[Tensor], Tensor]:
+        """What a part adds to the gradients of the mean loss of `size` samples; its sum of squared errors."""
+        if not len(part.index):
+            return [torch.zeros_like(parameter) for parameter in self.parameters], torch.zeros((), device=self.device)
+        steering, weight = part.steering.to(self.device), part.weight.to(self.device)
+        with autocast(self.device):
+            predicted = self.network(self._frames(part)).float()
+        loss = (weight * self._losses(predicted, steering)).sum() / size
+        return torch.autograd.grad(loss, self.parameters), (predicted.detach() - steering).square().sum()
+
+    def _frames(self, part: Part) -> Tensor:
+        """The frames of a part on the device, augmented."""
+        frames = part.frames.to(self.device, non_blocking=True)
+        return augment(frames, part.draws.to(self.device), self.network.rows) if part.draws else frames
 
     def _losses(self, predicted: Tensor, steering: Tensor) -> Tensor:
         if self.config.loss == "huber":
@@ -146,6 +163,7 @@ class Training:
         return functional.mse_loss(predicted, steering, reduction="none")
 
     def _end_epoch(self, images_per_second: float) -> None:
+        self.processes.average_statistics(self.network)
         validation = self.validate()
         training_mse = self.processes.sum(self.error_sum.clone()).item() / len(self.training)
         self.history.append({
@@ -196,9 +214,15 @@ class Training:
         """Steering (n) for samples, never augmented; 0 where a picture has become unreadable."""
         predicted = torch.zeros(len(samples), dtype=torch.float64)
         self.network.eval()
-        with torch.inference_mode(), autocast(self.device):
-            for batch in self._loader(samples, augment=False).epoch(0):
-                predicted[batch.index] = self.network(batch.frames.to(self.device)).cpu().double()
+
+        def predict(part: Callable[[], Part]) -> None:
+            loaded = part()
+            if len(loaded.index):
+                with torch.inference_mode(), autocast(self.device):
+                    predicted[loaded.index] = self.network(self._frames(loaded)).cpu().double()
+
+        for batch in self._loader(samples, augment=False).epoch(0):
+            self.cores.map(predict, batch.parts)
         return np.asarray(self.processes.sum(predicted).numpy())
 
     @property
@@ -246,14 +270,9 @@ class Training:
     def _loader(self, samples: pd.DataFrame, *, augment: bool) -> BatchLoader:
         return BatchLoader(
             samples, self.network.rows, self.config.batch_size, augment=self.config.augment if augment else None,
-            seed=self.config.seed, rank=self.processes.rank, world=self.processes.world,
-            ahead=0 if self.device.type == "cpu" else 2,
+            cache=self.cache, seed=self.config.seed, rank=self.processes.rank, world=self.processes.world,
+            parts=self.parts, for_gpu=self.device.type != "cpu",
         )
-
-    def _parallel(self) -> nn.Module:
-        if self.processes.world == 1:
-            return self.network
-        return DistributedDataParallel(self.network, [self.device.index] if self.device.type == "cuda" else None)
 
 
 def first_network(config: TrainingConfig) -> SteeringNetwork:
@@ -282,33 +301,3 @@ def learning_rate(config: TrainingConfig, epoch: int) -> float:
     if config.schedule == "cosine":
         return config.learning_rate * (1 + math.cos(math.pi * epoch / config.epochs)) / 2
     return config.learning_rate
-
-
-def choose_device(name: str, local_rank: int = 0) -> torch.device:
-    """The device of this name; "auto" takes the fastest there is. With several GPUs, each process has its own.
-
-    Raises:
-        ValueError: this machine has no such device.
-    """
-    cuda, mps = torch.cuda.is_available(), torch.backends.mps.is_available()
-    chosen = name if name != "auto" else "cuda" if cuda else "mps" if mps else "cpu"
-    available = {"cpu": True, "cuda": cuda, "mps": mps}
-    if not available.get(chosen.split(":")[0], False):
-        here = ", ".join(device for device, is_here in available.items() if is_here)
-        raise ValueError(f"--device {name}: not on this machine; here are: auto, {here}")
-    return torch.device("cuda", local_rank) if chosen == "cuda" else torch.device(chosen)
-
-
-def autocast(device: torch.device) -> torch.autocast:
-    """bfloat16 where the device gains by it: on GPUs that have it; CPUs were slower with it."""
-    gains = device.type == "cuda" and torch.cuda.is_bf16_supported()
-    return torch.autocast(device.type, torch.bfloat16, enabled=gains)
-
-
-def keep_memory() -> None:
-    """Have glibc keep freed memory: giving 100 MB back and taking it anew each step costs a fifth of it."""
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError, AttributeError):
-            libc = ctypes.CDLL("libc.so.6")
-            libc.mallopt(-3, 1 << 30)  # M_MMAP_THRESHOLD
-            libc.mallopt(-1, 1 << 30)  # M_TRIM_THRESHOLD

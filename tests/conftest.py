@@ -23,6 +23,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.skip(reason="takes minutes: --long runs it"))
 
 
+@pytest.fixture(autouse=True)
+def _cache_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tests neither read nor fill the user's cache folder."""
+    for name in ("XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.setenv(name, str(tmp_path / "user_cache"))
+
+
 def picture(steering: float, shift: float = 0.0) -> np.ndarray:
     """A 160x320x3 RGB frame with a post at the column that belongs to the steering."""
     frame = np.full((160, 320, 3), (90, 120, 160), np.uint8)

@@ -112,4 +112,4 @@ def test_each_augmentation_happens_with_its_probability() -> None:
     mirrored = sum(augment.random_view(View(0.5), half, rng).steering < 0 for _ in range(400))
     assert 150 < mirrored < 250
     frame = picture(0)
-    assert np.array_equal(augment.random_light(frame, NOTHING, rng), frame)
+    assert np.array_equal(augment.random_light(NOTHING, rng).on(frame), frame)

@@ -5,9 +5,11 @@ import pandas as pd
 import torch
 from conftest import Recording
 
-from pilot.augment import AugmentConfig
-from pilot.batches import Batch, BatchLoader
+from pilot.augment import AugmentConfig, rows_seen
+from pilot.batches import Batch, BatchLoader, Part
+from pilot.device_augment import augment
 from pilot.driving_log import read_driving_logs
+from pilot.frame_cache import FrameCache
 from pilot.frames import read_frame
 from pilot.samples import SampleConfig, make_samples
 
@@ -19,13 +21,19 @@ def training_samples(recording: Recording, **options: object) -> pd.DataFrame:
     return make_samples(rows, SampleConfig(block_seconds=1, **options), seed=0)[0]
 
 
-def seen(batch: Batch) -> torch.Tensor:
-    return batch.frames[:, slice(*ROWS)]
+def whole(batch: Batch) -> Part:
+    """A batch of one part."""
+    (part,) = batch.parts
+    return part()
+
+
+def seen(part: Part) -> torch.Tensor:
+    return part.frames[:, slice(*ROWS)]
 
 
 def test_frames_come_as_recorded_in_rgb_without_augmentation(recording: Recording) -> None:
     samples = training_samples(recording)
-    batch = next(BatchLoader(samples, ROWS, 8).epoch(0))
+    batch = whole(next(BatchLoader(samples, ROWS, 8).epoch(0)))
     assert batch.frames.shape == (8, 160, 320, 3)
     assert batch.frames.dtype == torch.uint8
     for position in range(8):
@@ -38,7 +46,7 @@ def test_frames_come_as_recorded_in_rgb_without_augmentation(recording: Recordin
 def test_an_epoch_holds_every_sample_once_in_an_order_of_its_own(recording: Recording) -> None:
     samples = training_samples(recording)
     loader = BatchLoader(samples, ROWS, 32, augment=AugmentConfig(), seed=1)
-    first, second = ([int(i) for batch in loader.epoch(epoch) for i in batch.index] for epoch in (0, 1))
+    first, second = ([int(i) for batch in loader.epoch(epoch) for i in whole(batch).index] for epoch in (0, 1))
     assert sorted(first) == sorted(second) == list(range(len(samples)))
     assert first != second
 
@@ -46,27 +54,27 @@ def test_an_epoch_holds_every_sample_once_in_an_order_of_its_own(recording: Reco
 def test_augmentation_depends_on_seed_epoch_and_sample_alone(recording: Recording) -> None:
     samples = training_samples(recording)
     loader = BatchLoader(samples, ROWS, 32, augment=AugmentConfig(), seed=1)
-    whole = list(loader.epoch(3))
-    resumed = next(loader.epoch(3, first_batch=2))
-    assert torch.equal(seen(whole[2]), seen(resumed))
-    assert torch.equal(whole[2].steering, resumed.steering)
-    loader._threads = 1
-    assert torch.equal(seen(next(loader.epoch(3))), seen(whole[0]))
+    batches = [whole(batch) for batch in loader.epoch(3)]
+    resumed = whole(next(loader.epoch(3, first_batch=2)))
+    assert torch.equal(seen(batches[2]), seen(resumed))
+    assert torch.equal(batches[2].steering, resumed.steering)
+    in_parts = next(BatchLoader(samples, ROWS, 32, augment=AugmentConfig(), seed=1, parts=3).epoch(3))
+    assert torch.equal(torch.cat([seen(part()) for part in in_parts.parts]), seen(batches[0]))
 
 
 def test_processes_share_every_batch(recording: Recording) -> None:
     samples = training_samples(recording)
-    whole = next(BatchLoader(samples, ROWS, 32, augment=AugmentConfig()).epoch(0))
+    alone = next(BatchLoader(samples, ROWS, 32, augment=AugmentConfig()).epoch(0))
     loaders = [BatchLoader(samples, ROWS, 32, augment=AugmentConfig(), rank=rank, world=2) for rank in (0, 1)]
-    parts = [next(loader.epoch(0)) for loader in loaders]
-    assert [part.size for part in parts] == [32, 32]
-    assert sorted([*parts[0].index, *parts[1].index]) == sorted(whole.index)
+    shares = [next(loader.epoch(0)) for loader in loaders]
+    assert [share.size for share in shares] == [32, 32]
+    assert sorted([*whole(shares[0]).index, *whole(shares[1]).index]) == sorted(whole(alone).index)
 
 
 def test_copies_are_rendered_with_their_label(recording: Recording) -> None:
     samples = training_samples(recording, cameras="center", flipped_copies=True, rotated_copies=1)
     loader = BatchLoader(samples, ROWS, len(samples))
-    batch = next(loader.epoch(0))
+    batch = whole(next(loader.epoch(0)))
     mirrored = np.flatnonzero(samples["flip"] & (samples["rotation"] == 0))[0]
     original = mirrored - len(samples) // 4
     assert batch.steering[mirrored] == -batch.steering[original]
@@ -82,6 +90,37 @@ def test_a_picture_that_breaks_meanwhile_falls_out(recording: Recording) -> None
     loader = BatchLoader(samples, ROWS, 8)
     Path(broken).write_bytes(b"\xff\xd8 broken")
     batch = next(loader.epoch(0))
-    assert len(batch.frames) == len(batch.steering) == len(batch.weight) == 7
+    part = whole(batch)
+    assert len(part.frames) == len(part.steering) == len(part.weight) == 7
     assert batch.size == 8
     assert loader.unreadable == {broken}
+
+
+def test_the_device_augments_as_the_cpu_does(recording: Recording) -> None:
+    samples = training_samples(recording)
+    config = AugmentConfig(rotation=0.5, crop=0.5)
+    rows = rows_seen(ROWS, config, 0)
+    assert rows[0] > 0
+    cache = FrameCache(rows)
+    on_cpu = BatchLoader(samples, ROWS, 64, augment=config, cache=cache)
+    on_device = BatchLoader(samples, ROWS, 64, augment=config, cache=cache, for_gpu=True)
+    for expected, batch in zip(on_cpu.epoch(0), on_device.epoch(0), strict=True):
+        wanted, part = whole(expected), whole(batch)
+        assert torch.equal(part.steering, wanted.steering)
+        shown = augment(part.frames, part.draws.to(torch.device("cpu")), ROWS)
+        difference = (shown[:, slice(*ROWS)].int() - seen(wanted).int()).abs().float()
+        assert difference.mean(dim=(1, 2, 3)).max() < 0.7  # grey levels: OpenCV rounds its coefficients
+        assert not shown[:, : ROWS[0]].any()
+
+
+def test_the_rows_kept_of_a_frame_are_enough(recording: Recording) -> None:
+    samples = training_samples(recording)
+    config = AugmentConfig(rotation=0.5, crop=0.5, viewpoint=0.9)
+    whole_frames = BatchLoader(samples, ROWS, len(samples), augment=config)
+    some_rows = BatchLoader(samples, ROWS, len(samples), augment=config, cache=FrameCache(rows_seen(ROWS, config, 0)))
+    difference = (seen(whole(next(whole_frames.epoch(0)))).int() - seen(whole(next(some_rows.epoch(0)))).int()).abs()
+    assert difference.max() <= 12  # at edges: OpenCV rounds places to 1/32 of a pixel
+    assert difference.float().mean() < 0.05
+    too_few = BatchLoader(samples, ROWS, len(samples), augment=config, cache=FrameCache((68, 137)))
+    difference = (seen(whole(next(whole_frames.epoch(0)))).int() - seen(whole(next(too_few.epoch(0)))).int()).abs()
+    assert difference.max() > 12

@@ -1,11 +1,10 @@
 from pathlib import Path
 
 import cv2
-import numpy as np
 import pytest
 from conftest import picture, write_picture
 
-from pilot.frames import FrameCache, UnreadableImage, decode_frame, image_fault, read_frame
+from pilot.frames import UnreadableImage, decode_frame, read_frame
 
 
 def test_frames_are_rgb_of_the_cameras_size(tmp_path: Path) -> None:
@@ -23,23 +22,11 @@ def test_faults_are_named(tmp_path: Path, content: bytes | None, fault: str) -> 
     path = tmp_path / "a.jpg"
     if content is not None:
         path.write_bytes(content)
-    assert image_fault(path) == fault
+    with pytest.raises(UnreadableImage, match=f"a.jpg: {fault}"):
+        read_frame(path)
 
 
 def test_a_cut_off_picture_is_damaged_not_half_grey() -> None:
     data = cv2.imencode(".jpg", picture(0))[1]
     assert decode_frame(data) is not None
     assert decode_frame(data[: len(data) // 2]) is None
-
-
-def test_the_cache_keeps_frames_up_to_its_limit(tmp_path: Path) -> None:
-    paths = [str(tmp_path / f"{number}.jpg") for number in range(3)]
-    for path in paths:
-        write_picture(Path(path), picture(0.1))
-    cache = FrameCache(limit=2 * 160 * 320 * 3)
-    first = [cache.read(path) for path in paths]
-    again = [cache.read(path) for path in paths]
-    assert [before is after for before, after in zip(first, again, strict=True)] == [True, True, False]
-    np.testing.assert_array_equal(first[2], again[2])
-    with pytest.raises(UnreadableImage, match="image missing"):
-        cache.read("absent.jpg")

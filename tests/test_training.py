@@ -9,13 +9,14 @@ import torch
 from conftest import Recording
 
 from pilot.augment import AugmentConfig
-from pilot.batches import Batch
+from pilot.batches import Batch, Part
 from pilot.checkpoint import Model, UnusableModel, save_model
-from pilot.distributed import Processes
+from pilot.devices import choose_device, parts_of_a_batch
 from pilot.driving_log import read_driving_logs
+from pilot.networks import build_network
 from pilot.recipes import TrainingConfig, config_from_plain
 from pilot.samples import SampleConfig, make_samples
-from pilot.training import Training, choose_device, learning_rate
+from pilot.training import Training, learning_rate
 
 CONFIG = TrainingConfig(network="pilotnet", epochs=3, batch_size=32, samples=SampleConfig(block_seconds=1))
 
@@ -150,7 +151,8 @@ def test_l2_is_the_penalty_added_to_the_loss(samples: tuple[pd.DataFrame, pd.Dat
     ours, reference = Training(config, *samples), Training(replace(config, l2=0.0), *samples)
     batch = next(ours.loader.epoch(0))
     ours.train_batch(batch)
-    loss = ((reference.network(batch.frames) - batch.steering) ** 2).mean()
+    part = whole(ours)
+    loss = ((reference.network(part.frames) - part.steering) ** 2).mean()
     (loss + 0.01 * sum(p.square().sum() for p in reference.network.parameters())).backward()
     reference.optimiser.step()
     torch.testing.assert_close(weights(ours), weights(reference), atol=1e-5, rtol=1e-4)
@@ -158,9 +160,9 @@ def test_l2_is_the_penalty_added_to_the_loss(samples: tuple[pd.DataFrame, pd.Dat
 
 def test_weights_of_samples_count_in_the_loss(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
     training, other = Training(CONFIG, *samples), Training(CONFIG, *samples)
-    batch = next(training.loader.epoch(0))
-    training.train_batch(batch)
-    other.train_batch(replace(batch, weight=torch.linspace(0, 2, len(batch.weight))))
+    part = whole(training)
+    training.train_batch(Batch(32, [lambda: part]))
+    other.train_batch(Batch(32, [lambda: replace(part, weight=torch.linspace(0, 2, 32))]))
     assert not torch.equal(weights(training), weights(other))
 
 
@@ -198,25 +200,44 @@ def test_an_absent_device_is_an_error_that_names_those_there_are() -> None:
         choose_device("vulkan")
 
 
-def test_two_processes_average_to_the_whole_batch(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
-    """The gradients of two shares, averaged as DistributedDataParallel does, are the whole batch's."""
-    whole = Training(CONFIG, *samples)
-    batch = next(whole.loader.epoch(0))
-    gradient_of_whole = gradient(whole, batch)
-    shares = []
-    for rank in (0, 1):
-        alone = Training(CONFIG, *samples)
-        alone.processes = Processes(rank, 2)
-        part = slice(rank, None, 2)
-        share = Batch(batch.frames[part], batch.steering[part], batch.weight[part], batch.index[part], batch.size)
-        shares.append(gradient(alone, share))
-    torch.testing.assert_close(sum(shares) / 2, gradient_of_whole, atol=1e-6, rtol=1e-3)
+def test_parts_add_up_to_the_whole_batch(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    training = Training(CONFIG, *samples)
+    part = whole(training)
+    halves = [replace(part, frames=part.frames[half], steering=part.steering[half], weight=part.weight[half],
+                      index=part.index[half]) for half in (slice(0, 20), slice(20, 32))]
+    together, error = training.gradients(part, 32)
+    (first, first_error), (second, second_error) = (training.gradients(half, 32) for half in halves)
+    for a, b, both in zip(first, second, together, strict=True):
+        torch.testing.assert_close(a + b, both, atol=1e-6, rtol=1e-3)
+    torch.testing.assert_close(first_error + second_error, error)
 
 
-def gradient(training: Training, batch: Batch) -> torch.Tensor:
-    training.optimiser.step = lambda: None
-    training.train_batch(batch)
-    return torch.cat([parameter.grad.flatten() for parameter in training.network.parameters()])
+def whole(training: Training) -> Part:
+    """The first batch of a training, in one part."""
+    parts = [part() for part in next(training.loader.epoch(0)).parts]
+    names = ("frames", "steering", "weight")
+    return Part(*(torch.cat([getattr(part, name) for part in parts]) for name in names),
+                index=np.concatenate([part.index for part in parts]))
+
+
+@pytest.mark.parametrize(("network", "device", "batch_size", "parts"), [
+    ("pilotnet", "cpu", 64, 2), ("pilotnet", "cpu", 24, 1), ("pilotnet", "cuda", 64, 1),
+    ("densenet", "cpu", 64, 1),  # normalises over the whole batch
+])
+def test_a_batch_is_divided_among_the_cores(network: str, device: str, batch_size: int, parts: int,
+                                            monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch, "get_num_threads", lambda: 2)
+    assert parts_of_a_batch(build_network(network), torch.device(device), batch_size) == parts
+
+
+def test_a_training_on_a_gpu_is_the_same_but_for_rounding(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    """What is done for a GPU, done by the CPU: batches read ahead, augmented by the device."""
+    config = replace(CONFIG, epochs=1)
+    on_cpu, on_device = trained(samples, config), Training(config, *samples)
+    on_device.loader.for_gpu, on_device.loader.parts = True, 1
+    on_device.run(lambda _: None, quiet)
+    assert on_device.history[0]["training_mse"] == pytest.approx(on_cpu.history[0]["training_mse"], rel=0.02)
+    assert on_device.history[0]["validation_mse"] == pytest.approx(on_cpu.history[0]["validation_mse"], rel=0.1)
 
 
 def test_configurations_survive_as_plain_values() -> None:
