@@ -1,17 +1,21 @@
-"""Images a second of the whole training pipeline beside the pure model step, in one run.
+"""How fast is the training? Every measurement is a process of its own; rounds alternate, so that drifting favours none.
 
-    python benchmarks/training.py [--data RECORDING] [--network nvidia] [--batch-size 64]
+    python benchmarks/training.py --data RECORDING [--network nvidia] [--batch-size 64] [--load]
+    python benchmarks/training.py --data RECORDING --sizes 3000 30000 300000
 
-The pure step trains on one batch that is already in memory; the pipeline reads, decodes and augments
-every picture, as `python model.py` does. Rounds alternate, so that a machine whose speed drifts does
-not favour one. Without --data, pictures as large as the simulator's are made up.
+pure: the step on a batch in memory. pipeline: the step on pictures read, decoded and augmented, as `python model.py`
+does it; once all are decoded, and (first) while every one is. keras, loader: the same training as it is usually
+written (classic_pipelines.py). --load keeps one core busy meanwhile. --sizes: the recording, linked often enough to
+make so many pictures. Without --data, pictures as large as the simulator's are made up.
 """
 
 import argparse
 import contextlib
 import itertools
+import os
 import resource
 import statistics
+import subprocess
 import sys
 import tempfile
 import time
@@ -21,18 +25,25 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import torch
+from torch.utils.flop_counter import FlopCounterMode
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from benchmarks.classic_pipelines import data_loader_rate, keras_rate
 from pilot.batches import Batch
 from pilot.devices import keep_memory
 from pilot.driving_log import read_driving_logs
-from pilot.networks import NETWORKS
+from pilot.frame_cache import FrameCache
+from pilot.log_format import CAMERAS, LOG_NAME
+from pilot.networks import NETWORKS, build_network
 from pilot.recipes import RECIPES
 from pilot.samples import make_samples
+from pilot.session import make_cache
 from pilot.training import Training
 
-WARM_UP = 4  # steps of a round that are not counted
+WARM_UP = 4  # steps that are not counted
+WAYS = ("roofline", "pure", "pipeline", "first", "keras", "loader")
 
 
 @contextlib.contextmanager
@@ -44,59 +55,162 @@ def made_up_recording(moments: int = 400) -> Iterator[Path]:
         (folder / "IMG").mkdir()
         for moment in range(moments):
             stamp = f"2016_12_01_13_{moment // 600:02d}_{moment // 10 % 60:02d}_{moment % 10}00"
-            for camera in ("center", "left", "right"):
+            for camera in CAMERAS:
                 coarse = rng.integers(60, 200, (20, 40, 3), dtype=np.uint8)
                 frame = cv2.resize(coarse, (320, 160)).astype(int) + rng.integers(-9, 10, (160, 320, 1))
                 cv2.imwrite(str(folder / "IMG" / f"{camera}_{stamp}.jpg"), frame.clip(0, 255).astype(np.uint8),
                             [cv2.IMWRITE_JPEG_QUALITY, 75])
-            names = ",".join(f"IMG/{camera}_{stamp}.jpg" for camera in ("center", "left", "right"))
+            names = ",".join(f"IMG/{camera}_{stamp}.jpg" for camera in CAMERAS)
             lines.append(f"{names},{rng.normal(0, 0.2):.4f},1,0,30")
-        (folder / "driving_log.csv").write_text("\n".join(lines))
+        (folder / LOG_NAME).write_text("\n".join(lines))
         yield folder
 
 
-def rate(training: Training, batches: Iterable[Batch], steps: int) -> float:
+# One measurement, in a process of its own
+
+
+def measure(way: str, options: argparse.Namespace) -> float:
+    """Images a second of one way to train; of the roofline: those that its multiplications would be enough for."""
+    if way == "roofline":
+        return multiplications() / flop_per_image(options.network)
+    if way in {"keras", "loader"}:
+        samples = make_samples(read_driving_logs([options.data]).rows, RECIPES["default"].samples, 0)[0]
+        rate = keras_rate if way == "keras" else data_loader_rate
+        return rate(samples["image"].tolist(), samples["steering"].tolist(), options.batch_size, options.steps)
+    training = prepare(options, cached=way != "first")
+    if way == "pure":
+        parts = [part() for part in next(training.loader.epoch(0)).parts]
+        in_memory = Batch(options.batch_size, [lambda part=part: part for part in parts])  # type: ignore[misc]
+        return rate_of(training, itertools.repeat(in_memory), options.steps)
+    batches = itertools.chain.from_iterable(training.loader.epoch(epoch) for epoch in itertools.count())
+    return rate_of(training, batches, options.steps)
+
+
+def multiplications() -> float:
+    """FLOP a second of a large float32 matrix multiplication on all cores."""
+    a, b = torch.randn(2048, 2048), torch.randn(2048, 2048)
+    times = []
+    for _ in range(12):
+        began = time.perf_counter()
+        torch.mm(a, b)
+        times.append(time.perf_counter() - began)
+    return float(2 * 2048**3 / statistics.median(times[2:]))
+
+
+def flop_per_image(name: str) -> float:
+    """Operations of a training step for one picture: forward, and both gradients of all layers but the first."""
+    network = build_network(name, 0)
+    with FlopCounterMode(display=False) as counter:
+        network(torch.zeros((2, 160, 320, 3), dtype=torch.uint8)).sum().backward()
+    return float(counter.get_total_flops()) / 2
+
+
+def prepare(options: argparse.Namespace, *, cached: bool) -> Training:
+    """A training of this recording; `cached`: with all pictures decoded."""
+    keep_memory()
+    config = replace(RECIPES["default"], network=options.network, batch_size=options.batch_size,
+                     cache_gb=options.cache_gb)
+    cache = make_cache(config)
+    rows = read_driving_logs([options.data], cache=cache).rows
+    samples = make_samples(rows, config.samples, 0)
+    return Training(config, *samples, cache=cache if cached else FrameCache(cache.rows))
+
+
+def rate_of(training: Training, batches: Iterable[Batch], steps: int) -> float:
     """Images a second of `steps` steps, after some to warm up."""
-    source = iter(batches)
-    for batch in itertools.islice(source, WARM_UP):
-        training.train_batch(batch)
-    began, images = time.perf_counter(), 0
-    for batch in itertools.islice(source, steps):
-        training.train_batch(batch)
-        images += batch.size
+    source = training.steps(batches)
+    for _ in itertools.islice(source, WARM_UP):
+        pass
+    began = time.perf_counter()
+    images = sum(itertools.islice(source, steps))
     return images / (time.perf_counter() - began)
 
 
+# All of them, side by side
+
+
+def measure_apart(way: str, options: argparse.Namespace, data: Path) -> tuple[float, float]:
+    """Images a second, and the most memory in MB, of one way to train; not a number where it cannot run."""
+    arguments = ["--measure", way, "--data", str(data), "--network", options.network, "--cache-gb",
+                 str(options.cache_gb), "--batch-size", str(options.batch_size), "--steps", str(options.steps)]
+    quiet = {**os.environ, "TF_CPP_MIN_LOG_LEVEL": "3", "XDG_CACHE_HOME": str(options.cache)}
+    command = [sys.executable, __file__, *arguments]
+    done = subprocess.run(command, env=quiet, capture_output=True, text=True, check=False)
+    if done.returncode:
+        print(f"{way}: {done.stderr.strip().splitlines()[-1]}", flush=True)
+        return float("nan"), float("nan")
+    rate, memory = map(float, done.stdout.split()[-2:])
+    return rate, memory
+
+
+def compare(options: argparse.Namespace, data: Path) -> None:
+    """Print the rates of every round, and their medians and ratios."""
+    rounds = []
+    for number in range(options.rounds):
+        rounds.append([measure_apart(way, options, data)[0] for way in options.ways])
+        shown = ", ".join(f"{way} {rate:.0f}" for way, rate in zip(options.ways, rounds[-1], strict=True))
+        print(f"round {number + 1}, images/s: {shown}", flush=True)
+    columns = dict(zip(options.ways, zip(*rounds, strict=True), strict=True))
+    print(f"\n{options.network}, batch {options.batch_size}, {os.cpu_count()} cores"
+          f"{', one of them busy with something else' if options.load else ''}; medians of {options.rounds}:")
+    for name, above, below in (("pure / roofline", "pure", "roofline"), ("pipeline / pure", "pipeline", "pure"),
+                               ("first epoch's pipeline / pure", "first", "pure"),
+                               ("pipeline / keras", "pipeline", "keras"), ("pipeline / loader", "pipeline", "loader")):
+        if above in columns and below in columns:
+            ratios = [a / b for a, b in zip(columns[above], columns[below], strict=True)]
+            print(f"{name}: {statistics.median(ratios):.2f}  "
+                  f"({statistics.median(columns[above]):.0f} / {statistics.median(columns[below]):.0f} images/s)")
+
+
+def grow(options: argparse.Namespace, data: Path) -> None:
+    """Print the cost of an image for recordings of all sizes."""
+    own = len(list((data / "IMG").iterdir()))
+    for size in options.sizes:
+        with tempfile.TemporaryDirectory(dir=options.cache) as folder:
+            for copy in range(max(round(size / own), 1)):
+                images = Path(folder) / f"copy {copy}" / "IMG"
+                images.mkdir(parents=True)
+                (images.parent / LOG_NAME).symlink_to((data / LOG_NAME).resolve())
+                for picture in (data / "IMG").iterdir():
+                    (images / picture.name).symlink_to(picture.resolve())
+            rate, memory = measure_apart("pipeline", options, Path(folder))
+            print(f"{size} pictures: {1000 / rate:.2f} ms an image, {rate:.0f} images/s, most memory {memory:.0f} MB",
+                  flush=True)
+
+
+@contextlib.contextmanager
+def busy_core() -> Iterator[None]:
+    """Another program that wants a core for itself."""
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as other:
+        try:
+            yield
+        finally:
+            other.kill()
+
+
 def main() -> None:
-    """Print both rates of every round, their medians and the ratio."""
+    """Print what was asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path)
     parser.add_argument("--network", default="nvidia", choices=NETWORKS)
     parser.add_argument("--batch-size", type=int, default=RECIPES["default"].batch_size)
+    parser.add_argument("--cache-gb", type=float, default=RECIPES["default"].cache_gb)
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--steps", type=int, default=20)
+    parser.add_argument("--steps", type=int, default=40)
+    parser.add_argument("--ways", nargs="+", default=WAYS, choices=WAYS)
+    parser.add_argument("--load", action="store_true")
+    parser.add_argument("--sizes", nargs="+", type=int)
+    parser.add_argument("--measure", choices=WAYS, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    with contextlib.nullcontext(options.data) if options.data else made_up_recording() as folder:
-        config = replace(RECIPES["default"], network=options.network, batch_size=options.batch_size)
-        training = Training(config, *make_samples(read_driving_logs([folder]).rows, config.samples, 0))
-        keep_memory()
-        batch = next(iter(training.loader.epoch(0)))
-        first = rate(training, training.loader.epoch(0), options.steps)
-        print(f"first epoch, every picture decoded: {first:.0f} images/s; now the later ones, from memory", flush=True)
-        for _ in training.loader.epoch(0):
-            pass
-        rounds = []
-        for number in range(options.rounds):
-            pure = rate(training, itertools.repeat(batch), options.steps)
-            endless = itertools.chain.from_iterable(training.loader.epoch(epoch) for epoch in itertools.count(number))
-            pipeline = rate(training, endless, options.steps)
-            rounds.append((pure, pipeline))
-            print(f"round {number + 1}: pure step {pure:.0f}, pipeline {pipeline:.0f} images/s", flush=True)
-    pure, pipeline = (statistics.median(column) for column in zip(*rounds, strict=True))
-    ratio = statistics.median(b / a for a, b in rounds)
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"{options.network}, batch {options.batch_size}, {len(training.training)} pictures: pure step {pure:.0f}, "
-          f"pipeline {pipeline:.0f} images/s, ratio {ratio:.2f}, most memory {memory:.0f} MB")
+    if options.measure:
+        print(measure(options.measure, options), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+        return
+    with contextlib.ExitStack() as stack:
+        options.cache = stack.enter_context(tempfile.TemporaryDirectory())
+        data = options.data or stack.enter_context(made_up_recording())
+        if options.load:
+            stack.enter_context(busy_core())
+        grow(options, data) if options.sizes else compare(options, data)
 
 
 if __name__ == "__main__":

@@ -7,17 +7,19 @@ at are computed. The photometric ones change pixels in place and leave the label
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from pilot import camera
-from pilot.camera import COLUMNS, ROWS, Matrix
+from pilot.camera import COLUMNS, ROWS, Floats, Matrix
 from pilot.frames import Frame
 
 # Seed 004's crops in the mean: its networks look at these rows (40 % cut off above, 12.5 % below).
 CROP_TOP, CROP_BOTTOM = 64, 140
+IDENTITY: Matrix = np.eye(3)
 MIRROR: Matrix = np.array([[-1.0, 0, COLUMNS - 1], [0, 1, 0], [0, 0, 1]])
 
 
@@ -57,14 +59,24 @@ class AugmentConfig:
 
 @dataclass(frozen=True)
 class View:
-    """How a frame is seen: `homography` (3x3) from the recorded frame's pixels, `steering` to learn (-1..1)."""
+    """How a frame is seen, or n frames are.
 
-    steering: float
-    homography: Matrix | None = None  # None: as recorded
+    Attributes:
+        steering: to learn (-1..1): a number, or n.
+        homography: from the recorded frame's pixels to those seen: 3x3, or n x 3 x 3.
+    """
 
-    def moved(self, homography: Matrix, steering: float) -> "View":
+    steering: float | Floats
+    homography: Matrix = field(default_factory=lambda: IDENTITY)
+
+    def moved(self, homography: Matrix, steering: float | Floats) -> "View":
         """This view after one more homography, with a new label."""
-        return View(steering, homography if self.homography is None else homography @ self.homography)
+        return View(steering, homography @ self.homography)
+
+    def where(self, chosen: NDArray[np.bool_], other: "View") -> "View":
+        """This view of the chosen frames, another one of the rest."""
+        homography = np.where(chosen[:, None, None], self.homography, other.homography)
+        return View(np.where(chosen, self.steering, other.steering), homography)
 
 
 # Geometry: what is seen, and the label
@@ -75,65 +87,68 @@ def flip(view: View) -> View:
     return view.moved(MIRROR, -view.steering)
 
 
-def rotate(view: View, degrees: float) -> View:
+def rotate(view: View, degrees: float | Floats) -> View:
     """Rotate counter-clockwise about the middle and add the angle in radians to the steering (seed 000).
 
     The label may go beyond -1..1; it is left there, as in the seed.
     """
-    matrix = cv2.getRotationMatrix2D((COLUMNS / 2, ROWS / 2), degrees, 1.0)
-    return view.moved(np.vstack([matrix, [0, 0, 1]]), view.steering + math.radians(degrees))
+    angle, x, y = np.radians(degrees), COLUMNS / 2, ROWS / 2
+    sine, cosine = np.sin(angle), np.cos(angle)
+    turn = camera.matrices(cosine, sine, x - cosine * x - sine * y, -sine, cosine, y + sine * x - cosine * y, 0, 0, 1)
+    return view.moved(turn, view.steering + angle)
 
 
-def crop_height(view: View, top: float, bottom: float) -> View:
+def crop_height(view: View, top: float | Floats, bottom: float | Floats) -> View:
     """Cut shares of the height off above and below and stretch the rest over the usual rows (seed 004)."""
     first, last = top * ROWS, (1 - bottom) * ROWS
     scale = (CROP_BOTTOM - CROP_TOP) / (last - first)
-    return view.moved(np.array([[1, 0, 0], [0, scale, CROP_TOP - first * scale], [0, 0, 1]]), view.steering)
+    return view.moved(camera.matrices(1, 0, 0, 0, scale, CROP_TOP - first * scale, 0, 0, 1), view.steering)
 
 
-def shift_viewpoint(view: View, offset: float, heading: float, lookahead: float) -> View:
+def shift_viewpoint(view: View, offset: float | Floats, heading: float | Floats, lookahead: float) -> View:
     """See the road from a car that stands beside the driver's path, and steer back to it.
 
     After NVIDIA's shift and rotation (arXiv 1604.07316, section 5): there the label leads back
     within two seconds, here to the point of the driver's arc `lookahead` metres ahead.
 
     Args:
+        view: from the driver's path.
         offset: metres to the right of the path.
         heading: radians to the right of the path's direction.
         lookahead: metres.
     """
-    curvature = camera.steering_to_curvature(view.steering)
+    curvature = camera.steering_to_curvature(np.asarray(view.steering))
     back = curvature - 2 * (offset + lookahead * heading) / lookahead**2
     return view.moved(camera.viewpoint_homography(offset, heading), camera.curvature_to_steering(back))
 
 
-def render(frame: Frame, view: View, rows: tuple[int, int], first_row: int = 0) -> Frame:
-    """The rows `rows[0]..rows[1]-1` of a 160x320x3 frame as the view shows it: a copy, same width.
+def render(frame: Frame, homography: Matrix, rows: tuple[int, int], first_row: int = 0) -> Frame:
+    """The rows `rows[0]..rows[1]-1` of a 160x320x3 frame as a view shows it: a copy, same width.
 
     Args:
         frame: the frame, or its rows from `first_row` on, of which `rows_seen` says how many are enough.
-        view: how it is seen.
+        homography: 3x3, the view's.
         rows: of the whole frame.
         first_row: of the whole frame.
     """
     top, bottom = rows
-    if view.homography is None:
+    if np.array_equal(homography, IDENTITY):
         return frame[top - first_row : bottom - first_row].copy()
-    if view.homography is MIRROR:  # the most frequent one, without a warp
+    if np.array_equal(homography, MIRROR):  # the most frequent one, without a warp
         return np.asarray(cv2.flip(frame[top - first_row : bottom - first_row], 1), np.uint8)
     size = (COLUMNS, bottom - top)
-    matrix = from_rows(view.homography, first_row, top)
+    matrix = from_rows(homography, first_row, top)
     if np.array_equal(matrix[2], [0, 0, 1]):  # the same pixels, a little faster
         return np.asarray(cv2.warpAffine(frame, matrix[:2], size), np.uint8)
     # a black corner would tell the network how far the viewpoint was shifted, so the border is continued
     return np.asarray(cv2.warpPerspective(frame, matrix, size, borderMode=cv2.BORDER_REPLICATE), np.uint8)
 
 
-def from_rows(homography: Matrix, first_row: int, top: int) -> Matrix:
-    """A homography of whole frames as one from a picture that begins at `first_row` to one that begins at `top`."""
+def from_rows(homographies: Matrix, first_row: int, top: int) -> Matrix:
+    """Homographies of whole frames as such from pictures that begin at `first_row` to ones that begin at `top`."""
     lift, lower = np.eye(3), np.eye(3)
     lift[1, 2], lower[1, 2] = -top, first_row
-    return np.asarray(lift @ homography @ lower)
+    return np.asarray(lift @ homographies @ lower)
 
 
 def rows_seen(rows: tuple[int, int], config: AugmentConfig | None, rotation: float) -> tuple[int, int]:
@@ -144,7 +159,7 @@ def rows_seen(rows: tuple[int, int], config: AugmentConfig | None, rotation: flo
         config: of the random augmentations; None without them.
         rotation: degrees, the largest of a sample's own.
     """
-    views = [View(0.0, np.eye(3))]
+    views = [View(0.0)]
     if config and config.viewpoint:
         metres, radians = config.viewpoint_metres, math.radians(config.viewpoint_degrees)
         views += [shift_viewpoint(view, side * metres, turn * radians, config.viewpoint_lookahead)
@@ -156,29 +171,12 @@ def rows_seen(rows: tuple[int, int], config: AugmentConfig | None, rotation: flo
         views += [crop_height(view, top, bottom)
                   for view in views for top in config.crop_top for bottom in config.crop_bottom]
     corners = np.array([[x, y, 1] for x in (0, COLUMNS - 1) for y in (rows[0], rows[1] - 1)]).T
-    sources = [np.linalg.inv(view.homography) @ corners for view in views if view.homography is not None]
+    sources = [np.linalg.inv(view.homography) @ corners for view in views]
     heights = np.concatenate([source[1] / source[2] for source in sources])
     return max(math.floor(heights.min()) - 1, 0), min(math.ceil(heights.max()) + 2, ROWS)
 
 
 # Light: pixels only
-
-
-@dataclass(frozen=True)
-class Light:
-    """How bright a picture is (1: as recorded), and in a shadow beside a line from column `top` to `bottom`."""
-
-    factor: float = 1.0
-    top: float = 0.0
-    bottom: float = 0.0
-    right: bool = False
-    shadow: float = 1.0
-
-    def on(self, pixels: Frame) -> Frame:
-        """The pixels in this light."""
-        if self.factor != 1:
-            pixels = brightness(pixels, self.factor)
-        return pixels if self.shadow == 1 else shadow(pixels, self.top, self.bottom, self.right, self.shadow)
 
 
 def brightness(pixels: Frame, factor: float) -> Frame:
@@ -196,29 +194,39 @@ def shadow(pixels: Frame, top: float, bottom: float, right: bool, factor: float)
     return np.asarray(cv2.copyTo(brightness(pixels, factor), mask, pixels.copy()), np.uint8)
 
 
-# Drawing at random
+def in_light(pixels: Frame, light: Floats) -> Frame:
+    """Pixels in a light that `random_lights` has drawn."""
+    factor, top, bottom, right, shade = light
+    if factor != 1:
+        pixels = brightness(pixels, factor)
+    return pixels if shade == 1 else shadow(pixels, top, bottom, bool(right), shade)
 
 
-def random_view(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
-    """Draw the geometric augmentations; each with its probability."""
-    if rng.random() < config.viewpoint:
-        offset = rng.uniform(-config.viewpoint_metres, config.viewpoint_metres)
-        heading = math.radians(rng.uniform(-config.viewpoint_degrees, config.viewpoint_degrees))
-        view = shift_viewpoint(view, offset, heading, config.viewpoint_lookahead)
-    if rng.random() < config.rotation:
-        view = rotate(view, rng.uniform(-config.rotation_degrees, config.rotation_degrees))
-    if rng.random() < config.crop:
-        view = crop_height(view, rng.uniform(*config.crop_top), rng.uniform(*config.crop_bottom))
-    return flip(view) if rng.random() < config.flip else view
+# Drawing at random, for n frames at once: their draws cost as little as one frame's
 
 
-def random_light(config: AugmentConfig, rng: np.random.Generator) -> Light:
-    """Draw the photometric augmentations; each with its probability."""
-    light = Light()
-    if rng.random() < config.brightness:
-        light = replace(light, factor=rng.uniform(*config.brightness_range))
-    if rng.random() < config.shadow:
-        top, bottom = rng.uniform(0, COLUMNS, 2)
-        light = replace(light, top=top, bottom=bottom, right=bool(rng.integers(2)),
-                        shadow=rng.uniform(*config.shadow_range))
-    return light
+def random_views(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
+    """Draw the geometric augmentations of n frames; each with its probability."""
+    n = np.size(view.steering)
+    offset = rng.uniform(-config.viewpoint_metres, config.viewpoint_metres, n)
+    heading = np.radians(rng.uniform(-config.viewpoint_degrees, config.viewpoint_degrees, n))
+    shifted = shift_viewpoint(view, offset, heading, config.viewpoint_lookahead)
+    view = shifted.where(rng.random(n) < config.viewpoint, view)
+    turned = rotate(view, rng.uniform(-config.rotation_degrees, config.rotation_degrees, n))
+    view = turned.where(rng.random(n) < config.rotation, view)
+    cropped = crop_height(view, rng.uniform(*config.crop_top, n), rng.uniform(*config.crop_bottom, n))
+    view = cropped.where(rng.random(n) < config.crop, view)
+    return flip(view).where(rng.random(n) < config.flip, view)
+
+
+def random_lights(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
+    """Draw the photometric augmentations of n frames; each with its probability.
+
+    Returns:
+        n x 5: factor on the brightness; column where the shadow's line enters, and leaves; 1 if the shadow lies to
+        its right; factor in the shadow.
+    """
+    factor = np.where(rng.random(n) < config.brightness, rng.uniform(*config.brightness_range, n), 1.0)
+    shade = np.where(rng.random(n) < config.shadow, rng.uniform(*config.shadow_range, n), 1.0)
+    top, bottom = rng.uniform(0, COLUMNS, (2, n))
+    return np.stack([factor, top, bottom, rng.integers(2, size=n), shade], 1)

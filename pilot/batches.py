@@ -1,7 +1,7 @@
 """Samples → batches, in parts: each is read, decoded and augmented by the thread that works on it.
 
-The order of an epoch and every random draw follow from (seed, epoch, sample) alone: not from the number of threads
-or processes, nor from where an interrupted epoch is taken up again.
+The order of an epoch and every random draw follow from the seed, the epoch and the sample's number alone: not from how
+many threads or processes there are, nor from where an interrupted epoch is taken up again.
 """
 
 import functools
@@ -9,7 +9,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -17,8 +17,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pilot.augment import AugmentConfig, Light, View, flip, random_light, random_view, render, rotate
-from pilot.camera import COLUMNS, ROWS
+from pilot.augment import AugmentConfig, View, flip, in_light, random_lights, random_views, render, rotate
+from pilot.camera import COLUMNS, ROWS, Floats, Matrix
 from pilot.device_augment import Draws
 from pilot.frame_cache import FrameCache
 from pilot.frames import Frame, UnreadableImage
@@ -73,10 +73,10 @@ class BatchLoader:
                 fight the network's for the cores, which costs more than it gains.)
         """
         self.images = samples["image"].tolist()
-        self.steering = samples["steering"].to_numpy(np.float32)
+        self.steering = samples["steering"].to_numpy(float)
         self.weight = samples["weight"].to_numpy(np.float32)
-        self.flip = samples["flip"].tolist()
-        self.rotation = samples["rotation"].tolist()
+        self.flip = samples["flip"].to_numpy(bool)
+        self.rotation = samples["rotation"].to_numpy(float)
         self.rows, self.batch_size, self.augment, self.seed = rows, batch_size, augment, seed
         self.rank, self.world, self.parts, self.for_gpu = rank, world, parts, for_gpu
         self.cache = cache or FrameCache()
@@ -84,60 +84,74 @@ class BatchLoader:
 
     def epoch(self, epoch: int, first_batch: int = 0) -> Iterator[Batch]:
         """The batches of an epoch from `first_batch` on; samples whose picture is damaged fall out."""
-        order = self._order(epoch)
+        order, drawn = self._order(epoch), self._draw(epoch)
         starts = range(first_batch * self.batch_size, len(order), self.batch_size)
-        batches = (self._batch(order[start : start + self.batch_size], epoch) for start in starts)
+        batches = (self._batch(order[start : start + self.batch_size], drawn) for start in starts)
         return read_ahead(batches) if self.for_gpu else batches
 
     def _order(self, epoch: int) -> NDArray[np.int64]:
         numbers = np.arange(len(self.images))
         return numbers if self.augment is None else np.random.default_rng([self.seed, epoch]).permutation(numbers)
 
-    def _batch(self, index: NDArray[np.int64], epoch: int) -> Batch:
+    def _draw(self, epoch: int) -> "_Drawn":
+        """How all samples are to be seen in an epoch."""
+        n = len(self.images)
+        view = View(self.steering)
+        view = rotate(view, self.rotation).where(self.rotation != 0, view)
+        view = flip(view).where(self.flip, view)
+        lights = np.ones((n, 5))
+        if self.augment:
+            rng = np.random.default_rng([self.seed, epoch, 1])
+            view, lights = random_views(view, self.augment, rng), random_lights(n, self.augment, rng)
+        return _Drawn(np.asarray(view.steering), view.homography, lights)
+
+    def _batch(self, index: NDArray[np.int64], drawn: "_Drawn") -> Batch:
         parts = np.array_split(index[self.rank :: self.world], self.parts)
-        return Batch(len(index), [functools.partial(self._load, part, epoch) for part in parts])
+        load = self._load_for_gpu if self.for_gpu else self._load
+        return Batch(len(index), [functools.partial(load, part, drawn) for part in parts])
 
-    def _load(self, index: NDArray[np.int64], epoch: int) -> Part:
-        """Read samples; augment them, or leave that to the device."""
-        first, last = self.cache.rows if self.for_gpu else (0, ROWS)
-        frames = np.empty((len(index), last - first, COLUMNS, 3), np.uint8)  # rows not filled are never touched
-        drawn: list[tuple[View, Light]] = []
-        readable = np.array([self._fill(frames, int(sample), epoch, drawn) for sample in index], bool)
-        views, lights = [view for view, _ in drawn], [light for _, light in drawn]
-        steering = torch.tensor([view.steering for view in views], dtype=torch.float32)
-        index = index[readable]
-        weight, pictures = torch.from_numpy(self.weight[index]), torch.from_numpy(frames[: len(index)])
-        if not self.for_gpu:
-            return Part(pictures, steering, weight, index)
-        pictures = pictures.pin_memory() if torch.cuda.is_available() else pictures  # copied while the GPU computes
-        return Part(pictures, steering, weight, index, Draws.of(views, lights, first, self.rows[0]))
+    def _load(self, index: NDArray[np.int64], drawn: "_Drawn") -> Part:
+        """Read samples, and augment them."""
+        top, bottom = self.rows
+        frames = np.empty((len(index), ROWS, COLUMNS, 3), np.uint8)  # pages of rows not filled are never touched
+        readable: list[int] = []
+        for sample, kept in self._read(index):
+            pixels = render(kept, drawn.homographies[sample], self.rows, self.cache.rows[0])
+            frames[len(readable), top:bottom] = in_light(pixels, drawn.lights[sample])
+            readable.append(sample)
+        return self._part(torch.from_numpy(frames[: len(readable)]), readable, drawn)
 
-    def _fill(self, frames: Frame, sample: int, epoch: int, drawn: list[tuple[View, Light]]) -> bool:
-        """Put a sample behind those already drawn; False if its picture cannot be read."""
-        try:
-            kept = self.cache.read(self.images[sample])
-        except UnreadableImage:
-            self.unreadable.add(self.images[sample])
-            return False
-        view, light = self._draw(sample, epoch)
-        if self.for_gpu:
-            frames[len(drawn)] = kept
-        else:
-            frames[len(drawn), slice(*self.rows)] = light.on(render(kept, view, self.rows, self.cache.rows[0]))
-        drawn.append((view, light))
-        return True
+    def _load_for_gpu(self, index: NDArray[np.int64], drawn: "_Drawn") -> Part:
+        """Read samples for the device to augment."""
+        first, last = self.cache.rows
+        read = list(self._read(index))
+        frames = torch.from_numpy(np.array([kept for _, kept in read]).reshape(-1, last - first, COLUMNS, 3))
+        part = self._part(frames, [sample for sample, _ in read], drawn)
+        draws = Draws.of(drawn.homographies[part.index], drawn.lights[part.index], first, self.rows[0])
+        pinned = frames.pin_memory() if torch.cuda.is_available() else frames  # copied while the GPU computes
+        return replace(part, frames=pinned, draws=draws)
 
-    def _draw(self, sample: int, epoch: int) -> tuple[View, Light]:
-        """How a sample is to be seen, with its label."""
-        view = View(float(self.steering[sample]))
-        if self.rotation[sample]:
-            view = rotate(view, self.rotation[sample])
-        if self.flip[sample]:
-            view = flip(view)
-        if self.augment is None:
-            return view, Light()
-        rng = np.random.default_rng([self.seed, epoch, sample])
-        return random_view(view, self.augment, rng), random_light(self.augment, rng)
+    def _read(self, index: NDArray[np.int64]) -> Iterator[tuple[int, Frame]]:
+        """The samples that can be read, and what is kept of their frames."""
+        for sample in index.tolist():
+            try:
+                yield sample, self.cache.read(self.images[sample])
+            except UnreadableImage:
+                self.unreadable.add(self.images[sample])
+
+    def _part(self, frames: Tensor, readable: list[int], drawn: "_Drawn") -> Part:
+        index = np.array(readable, np.int64)
+        steering, weight = torch.from_numpy(drawn.steering[index]).float(), torch.from_numpy(self.weight[index])
+        return Part(frames, steering, weight, index)
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """How each sample is seen in an epoch: label, homography (3x3), light (5)."""
+
+    steering: Floats
+    homographies: Matrix
+    lights: Floats
 
 
 def read_ahead(batches: Iterator[Batch]) -> Iterator[Batch]:

@@ -7,11 +7,14 @@ Figures: measured on the simulator's client and fitted on real recordings (docs:
 
 import functools
 import math
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+Floats = NDArray[np.float64]
 Matrix = NDArray[np.float64]
+Number = TypeVar("Number", float, Floats)
 
 ROWS, COLUMNS = 160, 320  # size of a frame
 FOCAL_LENGTH = 138.6  # pixels: 60 degrees of vertical field of view
@@ -25,14 +28,20 @@ WHEELBASE = 2.87  # metres
 FULL_LOCK = math.radians(25.0)  # steering of 1
 
 
-def steering_to_curvature(steering: float) -> float:
+def steering_to_curvature(steering: Number) -> Number:
     """Curvature of the car's path (1/m, positive to the right) for a steering of -1..1."""
-    return math.tan(steering * FULL_LOCK) / WHEELBASE
+    return np.tan(steering * FULL_LOCK) / WHEELBASE  # type: ignore[no-any-return]
 
 
-def curvature_to_steering(curvature: float) -> float:
+def curvature_to_steering(curvature: Number) -> Number:
     """Steering (-1..1, beyond where the car cannot turn so tightly) for a path's curvature in 1/m."""
-    return math.atan(curvature * WHEELBASE) / FULL_LOCK
+    return np.arctan(curvature * WHEELBASE) / FULL_LOCK  # type: ignore[no-any-return]
+
+
+def matrices(*entries: float | Floats) -> Matrix:
+    """A 3x3 matrix of nine numbers, row by row; n x 3 x 3 where some of them are arrays of n."""
+    stacked = np.stack(np.broadcast_arrays(*entries), -1)
+    return stacked.reshape(*stacked.shape[:-1], 3, 3).astype(float)
 
 
 @functools.cache
@@ -43,18 +52,24 @@ def ground_to_pixel() -> Matrix:
     return np.asarray(intrinsics @ camera_rotation() @ road_in_camera)
 
 
-def viewpoint_homography(offset: float, heading: float) -> Matrix:
+def viewpoint_homography(offset: float | Floats, heading: float | Floats) -> Matrix:
     """Homography (3x3) from a frame's pixels to those seen by a displaced car; valid below the horizon.
 
     Args:
         offset: metres by which the car (its rear axle) stands to the right of where it was.
-        heading: radians by which it points to the right of where it pointed.
+        heading: radians by which it points to the right of where it pointed. Of arrays of n: n x 3 x 3.
     """
-    sine, cosine = math.sin(heading), math.cos(heading)
-    to_axle = np.array([[1, 0, 0], [0, 1, AHEAD_OF_REAR_AXLE], [0, 0, 1]])
-    move = np.array([[cosine, -sine, -cosine * offset], [sine, cosine, -sine * offset], [0, 0, 1]])
-    ground = ground_to_pixel()
-    return np.asarray(ground @ np.linalg.inv(to_axle) @ move @ to_axle @ np.linalg.inv(ground))
+    sine, cosine = np.sin(heading), np.cos(heading)
+    move = matrices(cosine, -sine, -cosine * offset, sine, cosine, -sine * offset, 0, 0, 1)
+    from_axle, to_axle = _axle_to_pixel()
+    return np.asarray(from_axle @ move @ to_axle)
+
+
+@functools.cache
+def _axle_to_pixel() -> tuple[Matrix, Matrix]:
+    """Homography from road coordinates at the rear axle to pixels, and back."""
+    from_axle = ground_to_pixel() @ matrices(1, 0, 0, 0, 1, -AHEAD_OF_REAR_AXLE, 0, 0, 1)
+    return from_axle, np.asarray(np.linalg.inv(from_axle), float)
 
 
 def path_pixels(steering: float, length: float = 25.0, lateral: float = 0.0) -> Matrix:

@@ -4,7 +4,6 @@ A GPU takes a hundredth of a CPU's time for a step, so that OpenCV could not kee
 so that both see the same pictures. Where the two differ (by a grey level or two), OpenCV rounds its coefficients.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +11,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from pilot.augment import Light, View, from_rows
-from pilot.camera import COLUMNS, ROWS
+from pilot.augment import from_rows
+from pilot.camera import COLUMNS, ROWS, Floats, Matrix
 
 
 @dataclass(frozen=True)
@@ -22,22 +21,17 @@ class Draws:
 
     Attributes:
         homographies: n x 3 x 3, float32: from pixels of the rows shown back to pixels of the rows kept.
-        lights: n x 5, float32: brightness; column where the shadow's line enters, and leaves; 1 if the shadow is
-            on its right; brightness in the shadow.
+        lights: n x 5, float32: as random_lights draws them.
     """
 
     homographies: Tensor
     lights: Tensor
 
     @classmethod
-    def of(cls, views: Sequence[View], lights: Sequence[Light], first_kept: int, first_shown: int) -> "Draws":
-        """What was drawn for the pictures of a batch."""
-        eye = np.eye(3)
-        matrices = [from_rows(eye if view.homography is None else view.homography, first_kept, first_shown)
-                    for view in views]
-        backwards = np.linalg.inv(np.array(matrices).reshape(-1, 3, 3))
-        light = [(light.factor, light.top, light.bottom, light.right, light.shadow) for light in lights]
-        return cls(torch.from_numpy(backwards).float(), torch.tensor(light, dtype=torch.float32).reshape(-1, 5))
+    def of(cls, homographies: Matrix, lights: Floats, first_kept: int, first_shown: int) -> "Draws":
+        """What was drawn for whole frames, for pictures that begin at a row."""
+        backwards = np.linalg.inv(from_rows(homographies, first_kept, first_shown))
+        return cls(torch.from_numpy(backwards).float(), torch.from_numpy(lights).float())
 
     def to(self, device: torch.device) -> "Draws":
         """The same on a device."""

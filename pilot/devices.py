@@ -3,8 +3,8 @@
 import contextlib
 import ctypes
 import sys
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
 import torch
@@ -68,10 +68,10 @@ class Cores:
     """
 
     def __init__(self, parts: int) -> None:
-        """Prepare for batches of `parts` parts; a single one is worked on by the calling thread, with all cores."""
+        """Prepare for batches of `parts` parts."""
         share = max(torch.get_num_threads() // parts, 1)
         self._threads = ThreadPoolExecutor(parts, initializer=torch.set_num_threads, initargs=(share,))
 
-    def map(self, work: Callable[[Job], Result], jobs: Sequence[Job]) -> list[Result]:
-        """The results of all jobs, done side by side."""
-        return [work(jobs[0])] if len(jobs) == 1 else list(self._threads.map(work, jobs))
+    def start(self, work: Callable[[Job], Result], jobs: Iterable[Job]) -> list[Future[Result]]:
+        """Have jobs done side by side, after those that were started before."""
+        return [self._threads.submit(work, job) for job in jobs]

@@ -79,7 +79,7 @@ def _augmented(frame: Frame, steering: float, config: AugmentConfig) -> list[tup
     }
     dark, bright = config.brightness_range
     shade = shadow(frame, 0.35 * COLUMNS, 0.6 * COLUMNS, True, config.shadow_range[0])
-    tiles = [(name, render(frame, view, WHOLE), view.steering) for name, view in views.items()]
+    tiles = [(name, render(frame, view.homography, WHOLE), float(view.steering)) for name, view in views.items()]
     return [*tiles, (f"brightness x {dark:g}", brightness(frame, dark), steering),
             (f"brightness x {bright:g}", brightness(frame, bright), steering), ("shadow", shade, steering)]
 

@@ -9,7 +9,8 @@ import functools
 import hashlib
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -123,18 +124,34 @@ class Training:
         for parameters in self.optimiser.param_groups:
             parameters["lr"] = learning_rate(self.config, self.epoch)
         began, images = time.perf_counter(), 0
-        for batch in batches:
-            self.train_batch(batch)
-            images += batch.size
+        for size in self.steps(batches):
+            images += size
             if interrupt.asked or time.monotonic() - self._saved > SAVE_SECONDS:
                 self._save(state_file)
             if interrupt.asked:
                 raise KeyboardInterrupt
         self._end_epoch(images / (time.perf_counter() - began))
 
-    def train_batch(self, batch: Batch) -> None:
-        """One step: the mean loss over the whole batch of all processes."""
-        parts = self.cores.map(lambda part: self.gradients(part(), batch.size), batch.parts)
+    def steps(self, batches: Iterable[Batch]) -> Iterator[int]:
+        """Train on batches, each of which is read when the cores have done their part of the one before.
+
+        Yields:
+            the number of samples, over all processes, after each step.
+        """
+        source = iter(batches)
+        read = self._read(next(source, None))
+        while read:
+            size, parts = read
+            work = self.cores.start(functools.partial(self.gradients, size=size), parts)
+            read = self._read(next(source, None))
+            self._step([done.result() for done in work])
+            yield size
+
+    def _read(self, batch: Batch | None) -> tuple[int, list[Future[Part]]] | None:
+        return (batch.size, self.cores.start(lambda part: part(), batch.parts)) if batch else None
+
+    def _step(self, parts: Sequence[tuple[Sequence[Tensor], Tensor]]) -> None:
+        """Adam's step by the sum of the parts' gradients; the mean loss is that over the batch of all processes."""
         for parameter, *gradients in zip(self.parameters, *(gradients for gradients, _ in parts), strict=True):
             parameter.grad = functools.reduce(Tensor.add_, gradients)
         self.processes.sum_gradients(self.parameters)
@@ -142,8 +159,9 @@ class Training:
         self.error_sum += torch.stack([errors for _, errors in parts]).sum()
         self.step += 1
 
-    def gradients(self, part: Part, size: int) -> tuple[Sequence[Tensor], Tensor]:
+    def gradients(self, reading: Future[Part], size: int) -> tuple[Sequence[Tensor], Tensor]:
         """What a part adds to the gradients of the mean loss of `size` samples; its sum of squared errors."""
+        part = reading.result()
         if not len(part.index):
             return [torch.zeros_like(parameter) for parameter in self.parameters], torch.zeros((), device=self.device)
         steering, weight = part.steering.to(self.device), part.weight.to(self.device)
@@ -221,8 +239,9 @@ class Training:
                 with torch.inference_mode(), autocast(self.device):
                     predicted[loaded.index] = self.network(self._frames(loaded)).cpu().double()
 
-        for batch in self._loader(samples, augment=False).epoch(0):
-            self.cores.map(predict, batch.parts)
+        parts = (part for batch in self._loader(samples, augment=False).epoch(0) for part in batch.parts)
+        for done in self.cores.start(predict, parts):
+            done.result()
         return np.asarray(self.processes.sum(predicted).numpy())
 
     @property

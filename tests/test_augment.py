@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ def test_flip_mirrors_picture_and_steering() -> None:
     view = augment.flip(View(0.3))
     frame = picture(0.5)
     assert view.steering == -0.3
-    np.testing.assert_array_equal(augment.render(frame, view, WHOLE), frame[:, ::-1])
+    np.testing.assert_array_equal(augment.render(frame, view.homography, WHOLE), frame[:, ::-1])
 
 
 @pytest.mark.parametrize("degrees", [-45.0, -5.0, 5.0, 45.0])
@@ -37,7 +38,7 @@ def test_rotation_adds_its_angle_in_radians(degrees: float) -> None:
 
 def test_rotation_uses_the_whole_frame_before_the_crop() -> None:
     frame = np.full((160, 320, 3), 200, np.uint8)
-    rows = augment.render(frame, augment.rotate(View(0), 5), (70, 135))
+    rows = augment.render(frame, augment.rotate(View(0), 5).homography, (70, 135))
     assert rows.shape == (65, 320, 3)
     assert rows[:, 40:280].min() == 200  # no black corner of a rotated crop
 
@@ -46,7 +47,7 @@ def test_rotation_uses_the_whole_frame_before_the_crop() -> None:
 def test_a_shifted_viewpoint_steers_back_to_the_path(offset: float) -> None:
     view = augment.shift_viewpoint(View(0.1), offset, 0, 10)
     assert np.sign(view.steering - 0.1) == -np.sign(offset)
-    moved = post_column(augment.render(picture(0), view, WHOLE))
+    moved = post_column(augment.render(picture(0), view.homography, WHOLE))
     assert np.sign(moved - post_column(picture(0))) == -np.sign(offset)
 
 
@@ -75,7 +76,7 @@ def test_height_crop_stretches_the_rows_left_and_keeps_the_label() -> None:
     view = augment.crop_height(View(0.4), top, bottom)
     assert view.steering == 0.4
     frame = np.repeat(np.arange(160, dtype=np.uint8)[:, None, None], 320, 1).repeat(3, 2)
-    seen = augment.render(frame, view, (augment.CROP_TOP, augment.CROP_BOTTOM))[:, 100, 0]
+    seen = augment.render(frame, view.homography, (augment.CROP_TOP, augment.CROP_BOTTOM))[:, 100, 0]
     assert seen[0] == pytest.approx(top * 160, abs=1.5)
     assert seen[-1] == pytest.approx((1 - bottom) * 160, abs=2.5)
 
@@ -98,18 +99,33 @@ def test_shadow_darkens_one_side_only() -> None:
 def test_views_are_joined_in_order() -> None:
     """Rotated, then mirrored: one warp gives what two would."""
     frame = picture(0.3)
-    joined = augment.render(frame, augment.flip(augment.rotate(View(0), 10)), WHOLE)
-    one_by_one = augment.render(augment.render(frame, augment.rotate(View(0), 10), WHOLE), augment.flip(View(0)), WHOLE)
+    turned, mirrored = augment.rotate(View(0), 10), augment.flip(View(0))
+    joined = augment.render(frame, augment.flip(turned).homography, WHOLE)
+    one_by_one = augment.render(augment.render(frame, turned.homography, WHOLE), mirrored.homography, WHOLE)
     assert np.abs(joined.astype(int) - one_by_one).mean() < 1
 
 
 def test_each_augmentation_happens_with_its_probability() -> None:
     rng = np.random.default_rng(0)
-    assert augment.random_view(View(0.5), NOTHING, rng) == View(0.5)
-    always = AugmentConfig(flip=1, rotation=0, brightness=0, shadow=0, crop=0, viewpoint=0)
-    assert all(augment.random_view(View(0.5), always, rng).steering == -0.5 for _ in range(20))
-    half = AugmentConfig(flip=0.5, rotation=0, brightness=0, shadow=0, crop=0, viewpoint=0)
-    mirrored = sum(augment.random_view(View(0.5), half, rng).steering < 0 for _ in range(400))
+    labels = View(np.full(400, 0.5))
+    unchanged = augment.random_views(labels, NOTHING, rng)
+    assert (unchanged.steering == 0.5).all()
+    assert (unchanged.homography == np.eye(3)).all()
+    assert (augment.random_views(labels, replace(NOTHING, flip=1), rng).steering == -0.5).all()
+    mirrored = (augment.random_views(labels, replace(NOTHING, flip=0.5), rng).steering < 0).sum()
     assert 150 < mirrored < 250
     frame = picture(0)
-    assert np.array_equal(augment.random_light(NOTHING, rng).on(frame), frame)
+    for light in augment.random_lights(9, NOTHING, rng):
+        np.testing.assert_array_equal(augment.in_light(frame, light), frame)
+    shaded = (augment.random_lights(400, replace(NOTHING, shadow=0.5), rng)[:, 4] < 1).sum()
+    assert 150 < shaded < 250
+
+
+def test_many_views_are_what_each_would_be() -> None:
+    steering, offset, heading = np.array([-0.3, 0.2]), np.array([0.5, -0.8]), np.array([0.02, -0.05])
+    together = augment.rotate(augment.shift_viewpoint(View(steering), offset, heading, 10), np.array([3, -2]))
+    for number, degrees in enumerate((3, -2)):
+        alone = augment.shift_viewpoint(View(steering[number]), offset[number], heading[number], 10)
+        alone = augment.rotate(alone, degrees)
+        assert together.steering[number] == pytest.approx(alone.steering)
+        np.testing.assert_allclose(together.homography[number], alone.homography)

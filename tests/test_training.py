@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 
@@ -149,9 +150,8 @@ def test_l2_is_the_penalty_added_to_the_loss(samples: tuple[pd.DataFrame, pd.Dat
     """One Adam step with `l2` equals one on loss + l2 * sum of squares of all weights and biases."""
     config = replace(CONFIG, l2=0.01)
     ours, reference = Training(config, *samples), Training(replace(config, l2=0.0), *samples)
-    batch = next(ours.loader.epoch(0))
-    ours.train_batch(batch)
     part = whole(ours)
+    next(ours.steps([Batch(32, [lambda: part])]))
     loss = ((reference.network(part.frames) - part.steering) ** 2).mean()
     (loss + 0.01 * sum(p.square().sum() for p in reference.network.parameters())).backward()
     reference.optimiser.step()
@@ -161,8 +161,8 @@ def test_l2_is_the_penalty_added_to_the_loss(samples: tuple[pd.DataFrame, pd.Dat
 def test_weights_of_samples_count_in_the_loss(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
     training, other = Training(CONFIG, *samples), Training(CONFIG, *samples)
     part = whole(training)
-    training.train_batch(Batch(32, [lambda: part]))
-    other.train_batch(Batch(32, [lambda: replace(part, weight=torch.linspace(0, 2, 32))]))
+    next(training.steps([Batch(32, [lambda: part])]))
+    next(other.steps([Batch(32, [lambda: replace(part, weight=torch.linspace(0, 2, 32))])]))
     assert not torch.equal(weights(training), weights(other))
 
 
@@ -205,11 +205,17 @@ def test_parts_add_up_to_the_whole_batch(samples: tuple[pd.DataFrame, pd.DataFra
     part = whole(training)
     halves = [replace(part, frames=part.frames[half], steering=part.steering[half], weight=part.weight[half],
                       index=part.index[half]) for half in (slice(0, 20), slice(20, 32))]
-    together, error = training.gradients(part, 32)
-    (first, first_error), (second, second_error) = (training.gradients(half, 32) for half in halves)
+    together, error = training.gradients(read(part), 32)
+    (first, first_error), (second, second_error) = (training.gradients(read(half), 32) for half in halves)
     for a, b, both in zip(first, second, together, strict=True):
         torch.testing.assert_close(a + b, both, atol=1e-6, rtol=1e-3)
     torch.testing.assert_close(first_error + second_error, error)
+
+
+def read(part: Part) -> Future[Part]:
+    future: Future[Part] = Future()
+    future.set_result(part)
+    return future
 
 
 def whole(training: Training) -> Part:
