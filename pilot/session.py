@@ -46,13 +46,13 @@ def train(config: TrainingConfig, processes: Processes) -> None:
         f"network {config.network} on {training.device.type}")
     _prepare_state(config, training)
     history = History(config.report, tensorboard=config.tensorboard and processes.leads)
-    if processes.leads:
-        draw_samples(log, training)
 
     def on_epoch(figures: dict[str, float]) -> None:
         say(epoch_line(figures, config.epochs))
         if processes.leads:
             history.write(training.history)
+        if processes.leads and training.epoch == 1:  # not before: the first step need not wait for pictures
+            draw_samples(log, training)
 
     try:
         training.run(on_epoch, training_bar(hidden=not processes.leads), config.report / STATE)

@@ -109,7 +109,9 @@ def test_the_device_augments_as_the_cpu_does(recording: Recording) -> None:
         assert torch.equal(part.steering, wanted.steering)
         shown = augment(part.frames, part.draws.to(torch.device("cpu")), ROWS)
         difference = (shown[:, slice(*ROWS)].int() - seen(wanted).int()).abs().float()
-        assert difference.mean(dim=(1, 2, 3)).max() < 0.7  # grey levels: OpenCV rounds its coefficients
+        # grey levels: OpenCV rounds its coefficients, and shades the pixels on a shadow's very edge
+        assert difference.mean() < 0.3
+        assert difference.mean(dim=(1, 2, 3)).max() < 1.5
         assert not shown[:, : ROWS[0]].any()
 
 
