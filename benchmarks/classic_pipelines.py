@@ -91,7 +91,11 @@ def keras_rate(images: list[str], labels: list[float], batch_size: int, steps: i
             yield np.array([image for image, _ in pairs]), np.array([steering for _, steering in pairs])
 
     times: list[float] = []
-    clock = keras.callbacks.LambdaCallback(on_train_batch_end=lambda batch, logs=None: times.append(time.perf_counter()))
+
+    def note_time(batch: int, logs: Any = None) -> None:
+        times.append(time.perf_counter())
+
+    clock = keras.callbacks.LambdaCallback(on_train_batch_end=note_time)
     model.fit(batches(), steps_per_epoch=WARM_UP + steps, epochs=1, verbose=0, callbacks=[clock])
     return batch_size * steps / (times[-1] - times[WARM_UP - 1])
 

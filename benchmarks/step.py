@@ -1,0 +1,121 @@
+"""Where the time of a training step goes, operation by operation: python benchmarks/step.py [--network nvidia].
+
+Each layer's forward pass, input gradient and weight gradient alone, on one thread and on data in memory, beside a
+large matrix multiplication on the same thread (the roofline). `lanes` is the share of the processor's vector lanes
+that the layer's channels can fill: oneDNN computes channels in blocks of 16, so that 24 cost as much as 32. The rest
+of the step is what no layer does: preparing the pixels, activations, Adam, Python.
+"""
+
+import argparse
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from pilot.devices import keep_memory
+from pilot.networks import NETWORKS, build_network
+
+PICTURES = 32  # a part of a batch, as one of two cores has it
+LANES = 16  # float32 values in a vector register of AVX-512
+
+
+@dataclass(frozen=True)
+class Operation:
+    """One of a layer's three passes.
+
+    Attributes:
+        flop: that it must do for a batch.
+        channels: that it computes.
+    """
+
+    name: str
+    flop: float
+    channels: int
+    run: Callable[[], object]
+
+
+def seconds(run: Callable[[], object], repeats: int = 20) -> float:
+    """Median time of a call."""
+    times = []
+    for _ in range(repeats + 3):
+        began = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - began)
+    return statistics.median(times[3:])
+
+
+def operations(name: str, layer: nn.Module, given: Tensor, returned: Tensor, *, first: bool) -> list[Operation]:
+    """The passes of a convolution or a dense layer; the network's first one needs no input gradient."""
+    given, returned = given.detach(), returned.detach()
+    gradient = torch.randn_like(returned)
+    if isinstance(layer, nn.Conv2d):
+        flop = 2.0 * returned.numel() * layer.weight[0].numel()
+        backward = torch.ops.aten.convolution_backward
+
+        def run(wanted: list[bool]) -> object:
+            return backward(gradient, given, layer.weight, [layer.out_channels], layer.stride, [0, 0], [1, 1], False,
+                            [0, 0], 1, wanted)
+
+        passes = [Operation(f"{name} forward", flop, layer.out_channels, lambda: layer(given)),
+                  Operation(f"{name} input gradient", flop, layer.in_channels, lambda: run([True, False, False])),
+                  Operation(f"{name} weight gradient", flop, layer.out_channels, lambda: run([False, True, True]))]
+    else:
+        weight = layer.weight
+        assert isinstance(weight, Tensor)
+        flop = 2.0 * len(given) * weight.numel()
+        passes = [Operation(f"{name} forward", flop, len(weight), lambda: layer(given)),
+                  Operation(f"{name} input gradient", flop, weight.shape[1], lambda: gradient @ weight),
+                  Operation(f"{name} weight gradient", flop, weight.shape[1], lambda: gradient.T @ given)]
+    return [step for step in passes if not (first and "input" in step.name)]
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--network", default="nvidia", choices=NETWORKS)
+    options = parser.parse_args()
+    keep_memory()
+    torch.set_num_threads(1)
+    network = build_network(options.network, 0)
+    frames, steering = torch.randint(0, 256, (PICTURES, 160, 320, 3), dtype=torch.uint8), torch.zeros(PICTURES)
+    seen: list[tuple[nn.Module, Tensor, Tensor]] = []
+    hooks = [layer.register_forward_hook(lambda layer, given, returned: seen.append((layer, given[0], returned)))
+             for layer in network.modules() if isinstance(layer, nn.Conv2d | nn.Linear)]
+    network(frames)
+    optimiser = torch.optim.Adam(network.parameters(), fused=True)
+    a, b = torch.randn(1024, 1024), torch.randn(1024, 1024)
+    roofline = 2 * 1024**3 / seconds(lambda: a @ b)
+
+    def step() -> None:
+        optimiser.zero_grad()
+        (network(frames) - steering).square().mean().backward()
+
+    for hook in hooks:
+        hook.remove()
+    passes = [one for number, (layer, given, returned) in enumerate(seen)
+              for one in operations(f"{type(layer).__name__} {number + 1}", layer, given, returned, first=number == 0)]
+    times = [seconds(one.run) for one in passes]
+    whole = seconds(step)
+    print(f"roofline {roofline / 1e9:.0f} GFLOP/s on one thread; {options.network}, {PICTURES} pictures\n")
+    print("| operation | ms | share of the step | GFLOP/s | of the roofline | lanes |\n|---|---:|---:|---:|---:|---:|")
+    for one, took in zip(passes, times, strict=True):
+        if took > 0.01 * whole:
+            lanes = one.channels / (-(-one.channels // LANES) * LANES)
+            print(f"| {one.name} | {took * 1e3:.2f} | {took / whole:.0%} | {one.flop / took / 1e9:.0f} | "
+                  f"{one.flop / took / roofline:.2f} | {lanes:.2f} |")
+    flop, layers = sum(one.flop for one in passes), sum(times)
+    print(f"| all layers | {layers * 1e3:.2f} | {layers / whole:.0%} | {flop / layers / 1e9:.0f} | "
+          f"{flop / layers / roofline:.2f} | |")
+    print(f"| forward and backward | {whole * 1e3:.2f} | 100% | {flop / whole / 1e9:.0f} | "
+          f"{flop / whole / roofline:.2f} | |\nAdam, once for all parts: {seconds(optimiser.step) * 1e3:.2f} ms")
+
+
+if __name__ == "__main__":
+    main()
