@@ -10,6 +10,7 @@ from typing import TypeVar
 import torch
 from torch import nn
 
+CORES = torch.get_num_threads()  # before anything changes it; OMP_NUM_THREADS limits it
 SMALLEST_PART = 16  # pictures; with fewer, what each call of a layer costs beside its arithmetic begins to count
 
 Job = TypeVar("Job")
@@ -57,7 +58,7 @@ def parts_of_a_batch(network: nn.Module, device: torch.device, size: int) -> int
     One for a GPU, and for networks that normalise over the whole batch.
     """
     whole = device.type != "cpu" or any(isinstance(layer, nn.BatchNorm2d) for layer in network.modules())
-    return 1 if whole else max(min(torch.get_num_threads(), size // SMALLEST_PART), 1)
+    return 1 if whole else max(min(CORES, size // SMALLEST_PART), 1)
 
 
 class Cores:
@@ -69,7 +70,9 @@ class Cores:
 
     def __init__(self, parts: int) -> None:
         """Prepare for batches of `parts` parts."""
-        share = max(torch.get_num_threads() // parts, 1)
+        share = max(CORES // parts, 1)
+        # the calling thread's operations, too: OpenMP's helpers keep a core busy for a while after each of them
+        torch.set_num_threads(share)
         self._threads = ThreadPoolExecutor(parts, initializer=torch.set_num_threads, initargs=(share,))
 
     def start(self, work: Callable[[Job], Result], jobs: Iterable[Job]) -> list[Future[Result]]:

@@ -232,7 +232,7 @@ def whole(training: Training) -> Part:
 ])
 def test_a_batch_is_divided_among_the_cores(network: str, device: str, batch_size: int, parts: int,
                                             monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(torch, "get_num_threads", lambda: 2)
+    monkeypatch.setattr("pilot.devices.CORES", 2)
     assert parts_of_a_batch(build_network(network), torch.device(device), batch_size) == parts
 
 
