@@ -10,6 +10,7 @@ import torch
 from pilot.camera import COLUMNS, ROWS
 from pilot.checkpoint import Model, load_model
 from pilot.frames import Frame
+from pilot.networks import fold_dense
 
 Steer = Callable[[Frame], float]  # a 160x320x3 uint8 RGB frame to steering, -1..1
 
@@ -32,7 +33,8 @@ class Driver:
         example = torch.zeros(1, ROWS, COLUMNS, 3, dtype=torch.uint8)
         with torch.inference_mode(), warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)
-            self._network = torch.jit.freeze(torch.jit.trace(model.network, example))  # type: ignore[no-untyped-call]
+            traced = torch.jit.trace(fold_dense(model.network), example)  # type: ignore[no-untyped-call]
+            self._network = torch.jit.freeze(traced)
             for _ in range(WARM_UP):
                 self._network(example)
 

@@ -5,6 +5,7 @@ returns the steering, float32 of shape N (-1..1). All cut off the sky and the bo
 would tell a network which of the three cameras it looks through.
 """
 
+import copy
 import itertools
 from collections.abc import Sequence
 
@@ -192,6 +193,31 @@ def _initialise(layer: nn.Module) -> None:
         nn.init.xavier_uniform_(layer.weight)
         if layer.bias is not None:
             nn.init.zeros_(layer.bias)
+
+
+def fold_dense(network: SteeringNetwork) -> SteeringNetwork:
+    """A copy for driving: dense layers with nothing between them are one, as the seeds' are.
+
+    The same steering but for rounding; `nvidia` then reads 2,112 weights for a frame instead of 2.6 million.
+    """
+    folded = copy.deepcopy(network)
+    layers: list[nn.Module] = []
+    for layer in folded.layers.children():
+        if layers and isinstance(layer, nn.Linear) and isinstance(layers[-1], nn.Linear):
+            layer = _joined(layers.pop(), layer)  # noqa: PLW2901
+        layers.append(layer)
+    folded.layers = nn.Sequential(*layers)
+    return folded
+
+
+def _joined(first: nn.Module, second: nn.Module) -> nn.Linear:
+    assert isinstance(first, nn.Linear)
+    assert isinstance(second, nn.Linear)
+    joined = nn.Linear(first.in_features, second.out_features)
+    weight = second.weight.detach().double()
+    joined.weight.data = (weight @ first.weight.detach().double()).float()
+    joined.bias.data = (weight @ first.bias.detach().double() + second.bias.detach().double()).float()
+    return joined
 
 
 def count_parameters(network: nn.Module, kinds: Sequence[type[nn.Module]] = (nn.Module,)) -> int:

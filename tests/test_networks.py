@@ -2,7 +2,7 @@ import pytest
 import torch
 from torch import nn
 
-from pilot.networks import NETWORKS, build_network, count_parameters
+from pilot.networks import NETWORKS, build_network, count_parameters, fold_dense
 
 COUNTS = {"nvidia": 2_712_951, "pilotnet": 252_219, "lenet": 723_091, "simplenet": 183_683, "densenet": 187_469}
 
@@ -67,3 +67,13 @@ def test_same_seed_same_weights() -> None:
 def test_unknown_network_names_those_there_are() -> None:
     with pytest.raises(ValueError, match="'alexnet'; there are: nvidia"):
         build_network("alexnet")
+
+
+@pytest.mark.parametrize(("name", "dense"), [("nvidia", 1), ("lenet", 1), ("pilotnet", 4), ("densenet", 1)])
+def test_dense_layers_in_a_row_are_folded_into_one_for_driving(name: str, dense: int) -> None:
+    network = build_network(name, 0).eval()
+    folded = fold_dense(network)
+    frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
+    with torch.inference_mode():
+        torch.testing.assert_close(folded(frames), network(frames), atol=1e-6, rtol=1e-4)
+    assert sum(isinstance(layer, nn.Linear) for layer in folded.modules()) == dense
