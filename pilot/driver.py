@@ -33,7 +33,8 @@ class Driver:
         example = torch.zeros(1, ROWS, COLUMNS, 3, dtype=torch.uint8)
         with torch.inference_mode(), warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)
-            traced = torch.jit.trace(fold_dense(model.network), example)  # type: ignore[no-untyped-call]
+            # unchecked: these networks do the same for every frame, and the check takes half a second
+            traced = torch.jit.trace(fold_dense(model.network), example, check_trace=False)  # type: ignore[no-untyped-call]
             self._network = torch.jit.freeze(traced)
             for _ in range(WARM_UP):
                 self._network(example)
