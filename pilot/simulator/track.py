@@ -108,9 +108,16 @@ class Track:
     def _nearest(self, x: float, y: float, near: float | None) -> int:
         if near is None:
             return int(self.tree.query((x, y))[1])
-        around = (int(near / STEP) + np.arange(-SEARCHED, SEARCHED + 1)) % len(self.points)
-        away = self.points[around, :2] - (x, y)
-        return int(around[np.argmin(away[:, 0] ** 2 + away[:, 1] ** 2)])
+        first = int(near / STEP) % len(self.points)
+        around = slice(first, first + 2 * SEARCHED + 1)
+        east, north = self._ring[0, around] - x, self._ring[1, around] - y
+        return (first - SEARCHED + int((east * east + north * north).argmin())) % len(self.points)
+
+    @functools.cached_property
+    def _ring(self) -> Array:
+        """The middle line's x and y, at both ends continued by as much as is searched."""
+        numbers = np.arange(-SEARCHED, len(self.points) + SEARCHED) % len(self.points)
+        return np.ascontiguousarray(self.points[numbers, :2].T)
 
     def at(self, progress: float, offset: float = 0.0) -> tuple[float, float, float]:
         """Position x, y (metres) and the road's heading (radians) at a progress and offset (metres)."""
