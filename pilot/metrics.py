@@ -13,7 +13,7 @@ class Agreement:
     Attributes:
         count: moments compared.
         mse: mean squared error.
-        r2: share of the variance explained; 0 is as good as the mean of these moments.
+        r2: share of the variance explained; 0 is as good as the mean of these moments; NaN where nothing varies.
         correlation: Pearson's; 0 where one of the two does not vary.
         baseline_mse: mean squared error of always answering the training set's mean.
     """
@@ -31,14 +31,13 @@ class Agreement:
 
 def agreement(predicted: ArrayLike, recorded: ArrayLike, training_mean: float) -> Agreement:
     """Compare predicted and recorded steering (both of shape N, -1..1)."""
-    from sklearn.metrics import r2_score  # noqa: PLC0415 - takes a second, which the first training step need not wait
-
     guess, truth = np.asarray(predicted, float), np.asarray(recorded, float)
     varies = len(truth) > 1 and guess.std() > 0 and truth.std() > 0
+    mse = float(np.mean((guess - truth) ** 2))
     return Agreement(
         count=len(truth),
-        mse=float(np.mean((guess - truth) ** 2)),
-        r2=float(r2_score(truth, guess)) if len(truth) > 1 else float("nan"),
+        mse=mse,
+        r2=1 - mse / float(truth.var()) if truth.std() > 0 else float("nan"),
         correlation=float(np.corrcoef(guess, truth)[0, 1]) if varies else 0.0,
         baseline_mse=float(np.mean((training_mean - truth) ** 2)),
     )
