@@ -5,8 +5,8 @@
 
 pure: the step on a batch in memory. pipeline: the step on pictures read, decoded and augmented, as `python model.py`
 does it; once all are decoded, and (first) while every one is. keras, loader: the same training as it is usually
-written (classic_pipelines.py). --load keeps one core busy meanwhile. --sizes: the recording, linked often enough to
-make so many pictures. Without --data, pictures as large as the simulator's are made up.
+written (classic_pipelines.py). --load keeps one core busy meanwhile. --sizes: the recording, linked as often as
+makes about so many pictures. Without --data, pictures as large as the simulator's are made up.
 """
 
 import argparse
@@ -167,14 +167,15 @@ def grow(options: argparse.Namespace, data: Path) -> None:
     own = len(list((data / "IMG").iterdir()))
     for size in options.sizes:
         with tempfile.TemporaryDirectory(dir=options.cache) as folder:
-            for copy in range(max(round(size / own), 1)):
+            copies = max(round(size / own), 1)
+            for copy in range(copies):
                 images = Path(folder) / f"copy {copy}" / "IMG"
                 images.mkdir(parents=True)
                 (images.parent / LOG_NAME).symlink_to((data / LOG_NAME).resolve())
                 for picture in (data / "IMG").iterdir():
                     (images / picture.name).symlink_to(picture.resolve())
             rate, memory = measure_apart("pipeline", options, Path(folder))
-            print(f"{size} pictures: {1000 / rate:.2f} ms an image, {rate:.0f} images/s, most memory {memory:.0f} MB",
+            print(f"{copies * own} pictures: {1000 / rate:.2f} ms an image, {rate:.0f} images/s, most memory {memory:.0f} MB",
                   flush=True)
 
 
