@@ -175,8 +175,8 @@ def grow(options: argparse.Namespace, data: Path) -> None:
                 for picture in (data / "IMG").iterdir():
                     (images / picture.name).symlink_to(picture.resolve())
             rate, memory = measure_apart("pipeline", options, Path(folder))
-            print(f"{copies * own} pictures: {1000 / rate:.2f} ms an image, {rate:.0f} images/s, most memory {memory:.0f} MB",
-                  flush=True)
+            print(f"{copies * own} pictures: {1000 / rate:.2f} ms an image, {rate:.0f} images/s, "
+                  f"most memory {memory:.0f} MB", flush=True)
 
 
 @contextlib.contextmanager
