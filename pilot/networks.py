@@ -203,16 +203,16 @@ def fold_dense(network: SteeringNetwork) -> SteeringNetwork:
     folded = copy.deepcopy(network)
     layers: list[nn.Module] = []
     for layer in folded.layers.children():
-        if layers and isinstance(layer, nn.Linear) and isinstance(layers[-1], nn.Linear):
-            layer = _joined(layers.pop(), layer)  # noqa: PLW2901
-        layers.append(layer)
+        before = layers[-1] if layers else None
+        if isinstance(before, nn.Linear) and isinstance(layer, nn.Linear):
+            layers[-1] = _joined(before, layer)
+        else:
+            layers.append(layer)
     folded.layers = nn.Sequential(*layers)
     return folded
 
 
-def _joined(first: nn.Module, second: nn.Module) -> nn.Linear:
-    assert isinstance(first, nn.Linear)
-    assert isinstance(second, nn.Linear)
+def _joined(first: nn.Linear, second: nn.Linear) -> nn.Linear:
     joined = nn.Linear(first.in_features, second.out_features)
     weight = second.weight.detach().double()
     joined.weight.data = (weight @ first.weight.detach().double()).float()

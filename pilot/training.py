@@ -239,9 +239,9 @@ class Training:
                 with torch.inference_mode(), autocast(self.device):
                     predicted[loaded.index] = self.network(self._frames(loaded)).cpu().double()
 
-        parts = (part for batch in self._loader(samples, augment=False).epoch(0) for part in batch.parts)
-        for done in self.cores.start(predict, parts):
-            done.result()
+        for batch in self._loader(samples, augment=False).epoch(0):
+            for done in self.cores.start(predict, batch.parts):  # batch by batch: what is read ahead stays bounded
+                done.result()
         return np.asarray(self.processes.sum(predicted).numpy())
 
     @property
