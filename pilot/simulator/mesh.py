@@ -1,5 +1,6 @@
 """Quads as arrays: the form in which land, road and trees go to the renderer."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,3 +36,12 @@ class Mesh:
     def take(self, quads: NDArray[np.intp]) -> "Mesh":
         """Some of the quads."""
         return Mesh(self.texture, self.corners[quads], self.colours[quads], self.texels[quads])
+
+
+def join(meshes: Iterable[Mesh]) -> list[Mesh]:
+    """One mesh for each texture, in the order of their first."""
+    alike: dict[str, list[Mesh]] = {}
+    for mesh in meshes:
+        alike.setdefault(mesh.texture, []).append(mesh)
+    return [Mesh(texture, *(np.concatenate([getattr(mesh, name) for mesh in group])
+                            for name in ("corners", "colours", "texels"))) for texture, group in alike.items()]

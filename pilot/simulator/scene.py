@@ -1,9 +1,9 @@
 """A course as a Panda3D scene. Panda3D draws in software here: no shaders, so the light is baked."""
 
-import itertools
-from collections.abc import Iterator
+import functools
 from typing import get_args
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from panda3d.core import (
@@ -25,7 +25,7 @@ from pilot.simulator.course import LIGHTS, Course, Light, Plant
 from pilot.simulator.drive import Drive
 from pilot.simulator.land import grow_plants, land_meshes, plant_mesh
 from pilot.simulator.lightmap import LightMap, bake_light
-from pilot.simulator.mesh import Mesh
+from pilot.simulator.mesh import Mesh, join
 from pilot.simulator.road import road_meshes
 from pilot.simulator.terrain import LEVEL_BESIDE, Terrain, make_terrain
 from pilot.simulator.textures import panorama, plant, surface
@@ -55,15 +55,16 @@ class Scene:
         plants = grow_plants(course, self.terrain)
         shine = bake_light(self.terrain, plants, self.light, course.look.tree)
         self.root = NodePath("course")
+        # drawn in the order they were made: else memory addresses decide which of two equally near pixels wins
+        self.root.set_bin("unsorted", 0)
         solid = _lit(self.root.attach_new_node("solid"), shine)
-        order = itertools.count()
-        for mesh in [*land_meshes(course, self.terrain), *road_meshes(course)]:
-            _attach(solid, mesh, shine, order)
+        for mesh in join([*land_meshes(course, self.terrain), *road_meshes(course)]):
+            _attach(solid, mesh, shine)
         trees = self.root.attach_new_node("plants")
         trees.set_transparency(TransparencyAttrib.M_binary)
         trees.set_two_sided(True)
         mesh = plant_mesh(course, plants, shine.light_at(plants.points))
-        _attach(trees, mesh, None, order)
+        _attach(trees, mesh, None)
         self.sky = _sky(self.light, course)
         self.sky.reparent_to(self.root)
 
@@ -86,7 +87,9 @@ def _lit(node: NodePath, shine: LightMap) -> NodePath:
     return node
 
 
+@functools.cache
 def _texture(name: str) -> Texture:
+    """The picture of a surface or plant, the same for all scenes."""
     if name in get_args(Plant):
         texture = _clamped(_to_texture(name, plant(name)[::-1]))
         texture.set_minfilter(SamplerState.FT_linear)  # smaller ones would blur into columns
@@ -106,7 +109,8 @@ def _to_texture(name: str, picture: NDArray[np.uint8]) -> Texture:
     height, width, channels = picture.shape
     texture = Texture(name)
     texture.setup_2d_texture(width, height, Texture.T_unsigned_byte, Texture.F_rgb if channels == 3 else Texture.F_rgba)
-    texture.set_ram_image_as(np.ascontiguousarray(picture).tobytes(), "RGB" if channels == 3 else "RGBA")
+    # as Panda3D keeps it; having it reorder the colours takes ten times as long
+    texture.set_ram_image(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR if channels == 3 else cv2.COLOR_RGBA2BGRA))
     texture.set_minfilter(SamplerState.FT_linear_mipmap_linear)
     texture.set_magfilter(SamplerState.FT_linear)
     return texture
@@ -127,7 +131,7 @@ def _vertex_format(*, lit: bool) -> GeomVertexFormat:
     return GeomVertexFormat.register_format(vertices)
 
 
-def _attach(parent: NodePath, mesh: Mesh, shine: LightMap | None, order: Iterator[int]) -> None:
+def _attach(parent: NodePath, mesh: Mesh, shine: LightMap | None) -> None:
     """Add a mesh below a node, in chunks."""
     texture = _texture(mesh.texture)
     for chunk in mesh.chunks():
@@ -135,8 +139,6 @@ def _attach(parent: NodePath, mesh: Mesh, shine: LightMap | None, order: Iterato
         node.add_geom(to_geom(chunk, shine))
         path = parent.attach_new_node(node)
         path.set_texture(texture)
-        # drawn in the order they were made: else memory addresses decide which of two equally near pixels wins
-        path.set_bin("fixed", next(order))
 
 
 def to_geom(mesh: Mesh, shine: LightMap | None) -> Geom:
@@ -153,15 +155,16 @@ def to_geom(mesh: Mesh, shine: LightMap | None) -> Geom:
     vertices["texcoord"] = texels.reshape(-1, 2)
     if shine:
         vertices["light"] = shine.texels(corners)
+    # neighbours share their corners, so that the renderer computes each once
+    _, kept, numbers = np.unique(vertices.view(f"V{vertices.itemsize}"), return_index=True, return_inverse=True)
     data = GeomVertexData("mesh", _vertex_format(lit=shine is not None), Geom.UH_static)
-    data.unclean_set_num_rows(len(vertices))
-    data.modify_array_handle(0).copy_data_from(vertices.tobytes())
-    first = 4 * np.arange(len(mesh.corners), dtype=np.uint32)[:, None]
-    indices = (first + np.array([0, 1, 2, 0, 2, 3], np.uint32)).ravel()
+    data.unclean_set_num_rows(len(kept))
+    data.modify_array_handle(0).copy_data_from(vertices[kept].tobytes())
+    indices = numbers.reshape(-1, 4)[:, [0, 1, 2, 0, 2, 3]].astype(np.uint32)
     triangles = GeomTriangles(Geom.UH_static)
     triangles.set_index_type(Geom.NT_uint32)
     array = triangles.modify_vertices()
-    array.unclean_set_num_rows(len(indices))
+    array.unclean_set_num_rows(indices.size)
     array.modify_handle().copy_data_from(indices.tobytes())
     geom = Geom(data)
     geom.add_primitive(triangles)
