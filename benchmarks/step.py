@@ -1,26 +1,37 @@
-"""Where the time of a training step goes, operation by operation: python benchmarks/step.py [--network nvidia].
+"""Where the time of a training step goes: python benchmarks/step.py [--network nvidia] [--data RECORDING].
 
-Each layer's forward pass, input gradient and weight gradient alone, on one thread and on data in memory, beside a
-large matrix multiplication on the same thread (the roofline). `lanes` is the share of the processor's vector lanes
-that the layer's channels can fill: oneDNN computes channels in blocks of 16, so that 24 cost as much as 32. The rest
-of the step is what no layer does: preparing the pixels, activations, Adam, Python.
+On one thread, first the stages from the JPEG to the changed weights, then operation by operation: each layer's forward
+pass, input gradient and weight gradient alone, on data in memory, beside a large matrix multiplication (the roofline).
+`lanes` is the share of the processor's vector lanes that the layer's channels can fill: oneDNN computes channels in
+blocks of 16, so that 24 cost as much as 32. Without --data, pictures as large as the simulator's are made up.
 """
 
 import argparse
+import contextlib
+import itertools
+import os
 import statistics
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+os.environ["OMP_NUM_THREADS"] = "1"  # before torch is imported
 
 import torch
 from torch import Tensor, nn
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from benchmarks.training import made_up_recording, prepare, rate_of
+from pilot.augment import in_light, render
 from pilot.devices import keep_memory
+from pilot.frame_cache import FrameCache
 from pilot.networks import NETWORKS, build_network
+from pilot.training import Training
 
 PICTURES = 32  # a part of a batch, as one of two cores has it
 LANES = 16  # float32 values in a vector register of AVX-512
@@ -51,6 +62,59 @@ def seconds(run: Callable[[], object], repeats: int = 20) -> float:
     return statistics.median(times[3:])
 
 
+# Stages
+
+
+def stages(training: Training) -> dict[str, float]:
+    """Milliseconds a picture of each stage of a step, and of the whole."""
+    loader, network = training.loader, training.network.train()
+    drawn, numbers = loader._draw(0), range(PICTURES)
+    paths = [loader.images[number] for number in numbers]
+    uncached = FrameCache(training.cache.rows)
+    kept = [training.cache.read(path) for path in paths]
+
+    def warp() -> list[Any]:
+        return [render(frame, drawn.homographies[number], loader.rows, training.cache.rows[0])
+                for number, frame in zip(numbers, kept, strict=True)]
+
+    warped = warp()
+    part = next(loader.epoch(0)).parts[0]()
+    crop = part.frames[:, slice(*network.rows)].permute(0, 3, 1, 2)
+    pixels = network.prepare(crop)
+    loss = network(part.frames).square().mean()
+    loss.backward(retain_graph=True)
+    times = {
+        "decode the JPEG (the first time only)": seconds(lambda: [uncached.read(path) for path in paths]),
+        "read what was decoded": seconds(lambda: [training.cache.read(path) for path in paths]),
+        "draw the augmentations": seconds(lambda: loader._draw(0)) * PICTURES / len(loader.images),
+        "augment: warp": seconds(warp),
+        "augment: light and shadow": seconds(lambda: list(map(in_light, warped, drawn.lights))),
+        "scale the pixels": seconds(lambda: network.prepare(crop)),
+        "forward": seconds(lambda: network.layers(pixels)),
+        "backward": seconds(lambda: torch.autograd.grad(loss, training.parameters, retain_graph=True)),
+        "Adam": seconds(training.optimiser.step),
+    }
+    known = sum(itertools.islice(times.values(), 1, None))
+    batches = itertools.chain.from_iterable(loader.epoch(epoch) for epoch in itertools.count())
+    times["a whole step"] = PICTURES / rate_of(training, batches, 40)
+    times["Python and all else"] = times["a whole step"] - known
+    return {name: 1000 * took / PICTURES for name, took in times.items()}
+
+
+def print_stages(options: argparse.Namespace) -> None:
+    """Print the table of the stages."""
+    with contextlib.ExitStack() as stack:
+        os.environ["XDG_CACHE_HOME"] = stack.enter_context(tempfile.TemporaryDirectory())
+        options.data = options.data or stack.enter_context(made_up_recording(100))
+        times = stages(prepare(options, cached=True))
+    print(f"{options.network}, one thread, batches of {PICTURES}\n\n| stage | ms a picture | share |\n|---|---:|---:|")
+    for name, took in times.items():
+        print(f"| {name} | {took:.3f} | {took / times['a whole step']:.0%} |")
+
+
+# Operations
+
+
 def operations(name: str, layer: nn.Module, given: Tensor, returned: Tensor, *, first: bool) -> list[Operation]:
     """The passes of a convolution or a dense layer; the network's first one needs no input gradient."""
     given, returned = given.detach(), returned.detach()
@@ -76,14 +140,10 @@ def operations(name: str, layer: nn.Module, given: Tensor, returned: Tensor, *, 
     return [step for step in passes if not (first and "input" in step.name)]
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--network", default="nvidia", choices=NETWORKS)
-    options = parser.parse_args()
+def print_operations(name: str) -> None:
+    """Print the table of the operations."""
     keep_memory()
-    torch.set_num_threads(1)
-    network = build_network(options.network, 0)
+    network = build_network(name, 0)
     frames, steering = torch.randint(0, 256, (PICTURES, 160, 320, 3), dtype=torch.uint8), torch.zeros(PICTURES)
     seen: list[tuple[nn.Module, Tensor, Tensor]] = []
     hooks = [layer.register_forward_hook(lambda layer, given, returned: seen.append((layer, given[0], returned)))
@@ -103,7 +163,7 @@ def main() -> None:
               for one in operations(f"{type(layer).__name__} {number + 1}", layer, given, returned, first=number == 0)]
     times = [seconds(one.run) for one in passes]
     whole = seconds(step)
-    print(f"roofline {roofline / 1e9:.0f} GFLOP/s on one thread; {options.network}, {PICTURES} pictures\n")
+    print(f"\nroofline {roofline / 1e9:.0f} GFLOP/s on one thread; {name}, {PICTURES} pictures\n")
     print("| operation | ms | share of the step | GFLOP/s | of the roofline | lanes |\n|---|---:|---:|---:|---:|---:|")
     for one, took in zip(passes, times, strict=True):
         if took > 0.01 * whole:
@@ -115,6 +175,17 @@ def main() -> None:
           f"{flop / layers / roofline:.2f} | |")
     print(f"| forward and backward | {whole * 1e3:.2f} | 100% | {flop / whole / 1e9:.0f} | "
           f"{flop / whole / roofline:.2f} | |\nAdam, once for all parts: {seconds(optimiser.step) * 1e3:.2f} ms")
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--network", default="nvidia", choices=NETWORKS)
+    parser.add_argument("--data", type=Path)
+    options = parser.parse_args()
+    options.batch_size, options.cache_gb = PICTURES, 4.0
+    print_stages(options)
+    print_operations(options.network)
 
 
 if __name__ == "__main__":

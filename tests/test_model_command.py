@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
@@ -28,6 +29,18 @@ def run(folder: Path, *arguments: str, fails: bool = False) -> str:
     assert (result.returncode != 0) == fails, result.stdout + result.stderr
     assert "Traceback" not in result.stderr
     return result.stdout + result.stderr
+
+
+@pytest.fixture
+def train(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """`run` in tmp_path and in this process, which has imported everything already."""
+    monkeypatch.chdir(tmp_path)
+
+    def train(*arguments: str, fails: bool = False) -> str:
+        assert (model.main(arguments) != 0) == fails
+        return "".join(capsys.readouterr())
+
+    return train
 
 
 def weights(path: Path) -> torch.Tensor:
@@ -62,7 +75,9 @@ def started(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     return process
 
 
-def test_an_interrupted_training_resumes_to_the_same_model(recording: Recording, tmp_path: Path) -> None:
+def test_an_interrupted_training_resumes_to_the_same_model(
+    recording: Recording, tmp_path: Path, train: Callable[..., str]
+) -> None:
     """Ctrl-C, then kill -9, then to the end: the model is that of one uninterrupted training."""
     recording(moments=200)
     options = ["--data", "laps", "--epochs", "4", *SMALL]
@@ -77,25 +92,29 @@ def test_an_interrupted_training_resumes_to_the_same_model(recording: Recording,
     process.kill()
     process.communicate()
     assert not (tmp_path / "model.pt").exists()
-    run(tmp_path, "--resume")
-    run(tmp_path, *options, "--out", "whole.pt")
+    train("--resume")
+    train(*options, "--out", "whole.pt")
     assert torch.equal(weights(tmp_path / "model.pt"), weights(tmp_path / "whole.pt"))
 
 
-def test_resuming_refuses_other_options_and_takes_more_epochs(recording: Recording, tmp_path: Path) -> None:
+def test_resuming_refuses_other_options_and_takes_more_epochs(
+    recording: Recording, train: Callable[..., str]
+) -> None:
     recording(moments=60)
-    run(tmp_path, "--data", "laps", "--epochs", "1", *SMALL)
-    output = run(tmp_path, "--resume", "--batch-size", "16", fails=True)
+    train("--data", "laps", "--epochs", "1", *SMALL)
+    output = train("--resume", "--batch-size", "16", fails=True)
     assert "batch_size 32, not 16" in output
-    assert "epoch   2/2" in run(tmp_path, "--resume", "--epochs", "2")
-    output = run(tmp_path, "--resume", "--out", "b.pt", fails=True)
+    assert "epoch   2/2" in train("--resume", "--epochs", "2")
+    output = train("--resume", "--out", "b.pt", fails=True)
     assert "state.pt: no such file; there is no interrupted training" in output
 
 
-def test_two_processes_train_to_the_same_quality(recording: Recording, tmp_path: Path) -> None:
+def test_two_processes_train_to_the_same_quality(
+    recording: Recording, tmp_path: Path, train: Callable[..., str]
+) -> None:
     recording(moments=100)
     options = ["--data", "laps", "--epochs", "2", *SMALL]
-    run(tmp_path, *options, "--out", "alone.pt")
+    train(*options, "--out", "alone.pt")
     launcher = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node=2", "--master-port=29511"]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     together = subprocess.run(
@@ -109,9 +128,11 @@ def test_two_processes_train_to_the_same_quality(recording: Recording, tmp_path:
     assert errors[0] == pytest.approx(errors[1], rel=0.05)
 
 
-def test_without_a_recording_where_one_should_be_it_says_what_to_do(tmp_path: Path) -> None:
+def test_without_a_recording_where_one_should_be_it_says_what_to_do(
+    tmp_path: Path, train: Callable[..., str]
+) -> None:
     (tmp_path / "laps").mkdir()
-    output = run(tmp_path, "--data", "laps", fails=True)
+    output = train("--data", "laps", fails=True)
     assert "laps: no driving_log.csv in it or below. Record laps with the simulator" in output
 
 
@@ -143,11 +164,11 @@ def test_wrong_options_are_named_and_the_old_model_stays(
 
 
 @pytest.mark.parametrize("recipe", ["nvidia-rotations", "lenet-drop-zeros", "simplenet-spikes"])
-def test_the_seeds_recipes_run(recording: Recording, tmp_path: Path, recipe: str) -> None:
+def test_the_seeds_recipes_run(recording: Recording, train: Callable[..., str], recipe: str) -> None:
     recording(moments=60)
-    output = run(tmp_path, "--recipe", recipe, "--data", "laps", "--epochs", "1")
+    output = train("--recipe", recipe, "--data", "laps", "--epochs", "1")
     assert "model: model.pt" in output
-    assert load_model(tmp_path / "model.pt").name == recipe.partition("-")[0]
+    assert load_model(Path("model.pt")).name == recipe.partition("-")[0]
 
 
 def test_help_explains_every_option() -> None:

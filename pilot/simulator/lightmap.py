@@ -43,13 +43,13 @@ class LightMap:
 def bake_light(terrain: Terrain, plants: Plants, light: Light, tree: str) -> LightMap:
     """The light on a terrain with its plants' shadows, for a sun."""
     shine = np.asarray(_slopes(terrain, light) * _hill_shadows(terrain, light), np.float32)
-    fine = cv2.resize(shine, (SIZE, SIZE), interpolation=cv2.INTER_LINEAR)
+    fine = np.asarray(cv2.resize(shine, (SIZE, SIZE), interpolation=cv2.INTER_LINEAR), np.float32)
     shade = np.zeros((SIZE, SIZE), np.uint8)
     _plant_shadows(shade, terrain, plants, light, crown=CROWN[tree])
     fine *= 1 - light.shadows * cv2.GaussianBlur(shade, (0, 0), 0.7).astype(np.float32) / 255
     colours = [cv2.convertScaleAbs(fine, alpha=255 * sun, beta=255 * ambient)
                for sun, ambient in zip(light.sun, light.ambient, strict=True)]
-    return LightMap(cv2.merge(colours), terrain.corner, terrain.size)
+    return LightMap(np.asarray(cv2.merge(colours), np.uint8), terrain.corner, terrain.size)
 
 
 def _sun(light: Light) -> tuple[float, float, float]:
