@@ -165,18 +165,30 @@ def compare(options: argparse.Namespace, data: Path) -> None:
 def grow(options: argparse.Namespace, data: Path) -> None:
     """Print the cost of an image for recordings of all sizes."""
     own = len(list((data / "IMG").iterdir()))
-    for size in options.sizes:
-        with tempfile.TemporaryDirectory(dir=options.cache) as folder:
-            copies = max(round(size / own), 1)
-            for copy in range(copies):
-                images = Path(folder) / f"copy {copy}" / "IMG"
-                images.mkdir(parents=True)
-                (images.parent / LOG_NAME).symlink_to((data / LOG_NAME).resolve())
-                for picture in (data / "IMG").iterdir():
-                    (images / picture.name).symlink_to(picture.resolve())
-            rate, memory = measure_apart("pipeline", options, Path(folder))
-            print(f"{copies * own} pictures: {1000 / rate:.2f} ms an image, {rate:.0f} images/s, "
-                  f"most memory {memory:.0f} MB", flush=True)
+    sizes = {max(round(size / own), 1) * own: options.cache / str(size) for size in options.sizes}
+    for size, folder in sizes.items():
+        multiply(data, folder, size // own)
+    measured: dict[int, list[tuple[float, float]]] = {size: [] for size in sizes}
+    for number in range(options.rounds):
+        for size, folder in sizes.items():
+            apart = argparse.Namespace(**{**vars(options), "cache": folder / "cache"})
+            measured[size].append(measure_apart("pipeline", apart, folder))
+        shown = ", ".join(f"{1000 / rounds[-1][0]:.2f} ({size} pictures)" for size, rounds in measured.items())
+        print(f"round {number + 1}, ms an image: {shown}", flush=True)
+    print(f"\nmedians of {options.rounds}:")
+    for size, rounds in measured.items():
+        print(f"{size} pictures: {1000 / statistics.median(rate for rate, _ in rounds):.2f} ms an image, "
+              f"most memory {max(memory for _, memory in rounds):.0f} MB")
+
+
+def multiply(data: Path, folder: Path, copies: int) -> None:
+    """A recording several times over, as links to its pictures."""
+    for copy in range(copies):
+        images = folder / f"copy {copy}" / "IMG"
+        images.mkdir(parents=True)
+        (images.parent / LOG_NAME).symlink_to((data / LOG_NAME).resolve())
+        for picture in (data / "IMG").iterdir():
+            (images / picture.name).symlink_to(picture.resolve())
 
 
 @contextlib.contextmanager
@@ -207,7 +219,7 @@ def main() -> None:
         print(measure(options.measure, options), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
         return
     with contextlib.ExitStack() as stack:
-        options.cache = stack.enter_context(tempfile.TemporaryDirectory())
+        options.cache = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         data = options.data or stack.enter_context(made_up_recording())
         if options.load:
             stack.enter_context(busy_core())

@@ -75,7 +75,8 @@ def _hill_shadows(terrain: Terrain, light: Light) -> Array:
     hidden = np.zeros((COARSE, COARSE), np.float32)
     per_metre = up / math.hypot(east, north)
     direction = np.array([east, north]) / math.hypot(east, north)
-    for distance in np.arange(1.5, REACH, 1.5):
+    longest = float(heights.max() - heights.min()) / per_metre
+    for distance in np.arange(1.5, min(REACH, longest), 1.5):
         shift = direction * distance * COARSE / terrain.size
         moved = cv2.warpAffine(heights, np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]], np.float32), (COARSE, COARSE),
                                borderMode=cv2.BORDER_REPLICATE)

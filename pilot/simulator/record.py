@@ -20,7 +20,7 @@ NAMED_PLAN = Demonstration(laps=1, recoveries=40, rate=2.0)
 RANDOM_PLAN = Demonstration(laps=1, recoveries=14, rate=0.4)  # few rows of many roads
 DEMONSTRATIONS: dict[str, Demonstration] = {
     **{name + way: NAMED_PLAN for name in NAMED for way in ("", REVERSED)},
-    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_PLAN for seed in range(1000, 1160)},
+    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_PLAN for seed in range(1000, 1150)},
 }
 
 

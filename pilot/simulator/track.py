@@ -121,12 +121,12 @@ class Track:
 
     def at(self, progress: float, offset: float = 0.0) -> tuple[float, float, float]:
         """Position x, y (metres) and the road's heading (radians) at a progress and offset (metres)."""
-        index = int(progress / STEP) % len(self.points)
-        part = progress / STEP - math.floor(progress / STEP)
-        following = (index + 1) % len(self.points)
-        heading = float(self.headings[index] + part * STEP * self.curvatures[index])
-        x, y = (1 - part) * self.points[index, :2] + part * self.points[following, :2]
-        return float(x + offset * math.cos(heading)), float(y - offset * math.sin(heading)), heading
+        number, part = divmod(progress / STEP, 1)
+        x, y, _, heading, curvature, *_ = self._rows[int(number) % len(self._rows)]
+        next_x, next_y = self._rows[int(number + 1) % len(self._rows)][:2]
+        heading += part * STEP * curvature
+        x, y = (1 - part) * x + part * next_x, (1 - part) * y + part * next_y
+        return x + offset * math.cos(heading), y - offset * math.sin(heading), heading
 
     def curvature_ahead(self, progress: float, distance: float) -> Array:
         """Curvatures (1/m) of the next metres."""
