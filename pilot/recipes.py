@@ -38,6 +38,8 @@ class TrainingConfig:
     """Adam's learning rate."""
     schedule: Literal["constant", "cosine"] = "cosine"
     """Learning rate over the epochs: as it is, or falling along a cosine to zero in the last."""
+    warm_up: int = 0
+    """Steps in which the learning rate rises from zero: ReLUs that large first steps kill never come back."""
     loss: Literal["mse", "huber"] = "mse"
     """Loss: the squared error, or Huber's, which counts large errors only linearly."""
     huber_delta: float = 0.1
@@ -78,7 +80,7 @@ class TrainingConfig:
                     "samples.block-seconds": self.samples.block_seconds, "samples.bins": self.samples.bins,
                     "samples.cap": self.samples.cap, "samples.first-part": self.samples.first_part,
                     "augment.viewpoint-lookahead": self.augment.viewpoint_lookahead}
-        not_negative = {"l2": self.l2, "min-delta": self.min_delta, "cache-gb": self.cache_gb,
+        not_negative = {"l2": self.l2, "warm-up": self.warm_up, "min-delta": self.min_delta, "cache-gb": self.cache_gb,
                         "samples.smooth-seconds": self.samples.smooth_seconds,
                         "samples.rotated-copies": self.samples.rotated_copies}
         shares = {f"augment.{name}": getattr(self.augment, name)
@@ -145,7 +147,7 @@ _SEED_RECIPES: dict[str, TrainingConfig] = {
 # For the built-in simulator's demonstration. Side cameras and shifted views come back 10 m ahead, as its expert does;
 # no mirroring: the laps go both ways round, and keep to the right where there are two lanes. These labels are exact,
 # so that hardly any L2 is needed, and few epochs of large steps.
-_BUILT_IN = TrainingConfig(recipe="built-in", epochs=7, learning_rate=2e-3, l2=1e-6,
+_BUILT_IN = TrainingConfig(recipe="built-in", epochs=7, learning_rate=2e-3, warm_up=200, l2=1e-6,
                            samples=SampleConfig(side_correction=0.11),
                            augment=AugmentConfig(flip=0, viewpoint_lookahead=10))
 RECIPES: dict[str, TrainingConfig] = {"default": TrainingConfig(), "built-in": _BUILT_IN, **_SEED_RECIPES}

@@ -121,8 +121,6 @@ class Training:
 
     def _train_epoch(self, batches: Iterable[Batch], state_file: Path | None, interrupt: Interrupt) -> None:
         self.network.train()
-        for parameters in self.optimiser.param_groups:
-            parameters["lr"] = learning_rate(self.config, self.epoch)
         began, images = time.perf_counter(), 0
         for size in self.steps(batches):
             images += size
@@ -155,9 +153,16 @@ class Training:
         for parameter, *gradients in zip(self.parameters, *(gradients for gradients, _ in parts), strict=True):
             parameter.grad = functools.reduce(Tensor.add_, gradients)
         self.processes.sum_gradients(self.parameters)
+        for group in self.optimiser.param_groups:
+            group["lr"] = learning_rate(self.config, self.epoch) * self._warmth()
         self.optimiser.step()
         self.error_sum += torch.stack([errors for _, errors in parts]).sum()
         self.step += 1
+
+    def _warmth(self) -> float:
+        """The share of the learning rate that this step has: it rises over the first steps of all."""
+        done = self.epoch * math.ceil(len(self.training) / self.config.batch_size) + self.step
+        return min((done + 1) / max(self.config.warm_up, 1), 1.0)
 
     def gradients(self, reading: Future[Part], size: int) -> tuple[Sequence[Tensor], Tensor]:
         """What a part adds to the gradients of the mean loss of `size` samples; its sum of squared errors."""
@@ -220,12 +225,16 @@ class Training:
         """Compare the network, as it is now, with the driver on the validation samples.
 
         Raises:
-            ValueError: the training has diverged.
+            ValueError: the training has diverged, or the network has died.
         """
         predicted = self.predict(self.validation)
         if not np.isfinite(predicted).all():
             raise ValueError(f"the training diverged in epoch {self.epoch + 1}: its steering is no number any more. "
                              f"Try a smaller --learning-rate than {self.config.learning_rate:g}")
+        if len(predicted) > 1 and np.ptp(predicted) == 0:
+            raise ValueError(f"the network died in epoch {self.epoch + 1}: it steers the same for every picture, and "
+                             "would for ever. Try another --seed, a longer --warm-up, or a smaller --learning-rate "
+                             f"than {self.config.learning_rate:g}")
         return agreement(predicted, self.validation["recorded"], self.training_mean)
 
     def predict(self, samples: pd.DataFrame) -> NDArray[np.float64]:

@@ -1,3 +1,4 @@
+import math
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
@@ -177,6 +178,28 @@ def test_an_unreadable_picture_does_not_end_the_training(samples: tuple[pd.DataF
 def test_a_training_that_diverges_says_so(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
     with pytest.raises(ValueError, match="diverged in epoch 1.*smaller --learning-rate than 1e"):
         trained(samples, replace(CONFIG, learning_rate=1e30))
+
+
+def test_a_network_that_steers_the_same_for_all_pictures_is_dead(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    training = Training(CONFIG, *samples)
+    for parameter in training.parameters:
+        parameter.data.zero_()
+    with pytest.raises(ValueError, match="the network died in epoch 1: .*Try another --seed"):
+        training.validate()
+
+
+def test_the_learning_rate_warms_up_over_epochs(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    steps = math.ceil(len(samples[0]) / CONFIG.batch_size)
+    config = replace(CONFIG, schedule="constant", epochs=3, warm_up=2 * steps, learning_rate=0.5e-3)
+    training = Training(config, *samples)
+    rates = []
+    for epoch in range(3):
+        for _ in training.steps(training.loader.epoch(epoch)):
+            rates.append(training.optimiser.param_groups[0]["lr"])
+        training._end_epoch(1.0)
+    rising, after = rates[: 2 * steps], rates[2 * steps :]
+    assert rising == pytest.approx([0.5e-3 * (step + 1) / (2 * steps) for step in range(2 * steps)])
+    assert after == pytest.approx([0.5e-3] * steps)
 
 
 def test_huber_counts_large_errors_less(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
