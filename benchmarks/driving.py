@@ -4,7 +4,8 @@
 
 In the process: from base64 to steering, several ways to run the network. On the wire: the raw-frame
 client of the tests, with websocket-sharp's fragments and the kernel's delayed packets, against
-drive.py and against original_drive.py in turn; without pause, and with 60 rendered frames a second.
+drive.py and against original_drive.py in turn; without pause, one telemetry at a time,
+and with 60 rendered frames a second.
 """
 
 import argparse
@@ -37,6 +38,7 @@ from pilot.networks import NETWORKS, build_network
 from pilot.telemetry import parse_telemetry
 
 LONGEST = 60.0  # seconds of one drive
+SCENES = (("no pause", 2, 0.0), ("one telemetry at a time", 1, 0.0), ("60 rendered frames/s", 2, 1 / 60))
 Steer = Callable[[dict[str, str]], float]
 
 
@@ -123,11 +125,15 @@ def serving(command: list[str], port: int, folder: Path) -> Iterator[None]:
             process.wait()
 
 
-def on_the_wire(port: int, message: str, steers: int, pause: float) -> tuple[list[float], float]:
+def on_the_wire(port: int, message: str, steers: int, *, on_the_way: int, pause: float) -> tuple[list[float], float]:
     """Drive as the simulator does, until the steers or LONGEST are over.
 
+    Args:
+        on_the_way: telemetries at the same time; the simulator has two.
+        pause: seconds after each answer, in which the simulator renders.
+
     Returns:
-        The seconds of each round trip as the simulator sees it, and the answers a second.
+        The seconds from each telemetry's last byte to its answer, as the simulator sees them; the answers a second.
     """
     with WireClient(port) as client:
         client.socket.settimeout(20)
@@ -135,15 +141,15 @@ def on_the_wire(port: int, message: str, steers: int, pause: float) -> tuple[lis
         began = time.perf_counter()
         sent: list[float] = []
         seconds: list[float] = []
-        for _ in range(2):
-            sent.append(time.perf_counter())
+        for _ in range(on_the_way):
             client.send(message)
+            sent.append(time.perf_counter())
         while len(seconds) < steers and time.perf_counter() - began < LONGEST:
             client.answer()
             seconds.append(time.perf_counter() - sent.pop(0))
             time.sleep(pause)
-            sent.append(time.perf_counter())
             client.send(message)
+            sent.append(time.perf_counter())
         return seconds, len(seconds) / (time.perf_counter() - began)
 
 
@@ -165,13 +171,14 @@ def main() -> None:
             "drive.py": [sys.executable, str(ROOT / "drive.py"), "model.pt", "--port", str(options.port)],
             "original": [sys.executable, str(ROOT / "benchmarks" / "original_drive.py"), "model.pt", str(options.port)],
         }
-        for pause, title in ((0.0, "no pause"), (1 / 60, "60 rendered frames/s")):
+        for title, on_the_way, pause in SCENES:
             steers = options.steers if pause == 0 else options.steers // 10
             rates: dict[str, list[float]] = {}
             for _ in range(options.rounds):
                 for server, command in servers.items():
                     with serving(command, options.port, folder):
-                        seconds, rate = on_the_wire(options.port, message, steers // options.rounds, pause)
+                        seconds, rate = on_the_wire(options.port, message, steers // options.rounds,
+                                                    on_the_way=on_the_way, pause=pause)
                     rates.setdefault(server, []).append(rate)
                     print(f"{title}, {server}: {len(seconds)} steers, {rate:.0f} answers/s, "
                           f"p50 {percentile(seconds, 50):.2f} ms, p99 {percentile(seconds, 99):.2f} ms", flush=True)

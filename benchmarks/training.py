@@ -11,8 +11,10 @@ makes about so many pictures. Without --data, pictures as large as the simulator
 
 import argparse
 import contextlib
+import functools
 import itertools
 import os
+import re
 import resource
 import statistics
 import subprocess
@@ -182,13 +184,15 @@ def grow(options: argparse.Namespace, data: Path) -> None:
 
 
 def multiply(data: Path, folder: Path, copies: int) -> None:
-    """A recording several times over, as links to its pictures."""
+    """A recording several times over, as links to its pictures: each time of another year, so that none is known."""
+    log = (data / LOG_NAME).read_text(encoding="utf-8")
     for copy in range(copies):
         images = folder / f"copy {copy}" / "IMG"
         images.mkdir(parents=True)
-        (images.parent / LOG_NAME).symlink_to((data / LOG_NAME).resolve())
+        move = functools.partial(re.sub, r"_20\d\d_", f"_{2000 + copy}_")
+        (images.parent / LOG_NAME).write_text(move(log), encoding="utf-8")
         for picture in (data / "IMG").iterdir():
-            (images / picture.name).symlink_to(picture.resolve())
+            (images / move(picture.name)).symlink_to(picture.resolve())
 
 
 @contextlib.contextmanager
