@@ -84,8 +84,12 @@ def measure(way: str, options: argparse.Namespace) -> float:
         parts = [part() for part in next(training.loader.epoch(0)).parts]
         in_memory = Batch(options.batch_size, [lambda part=part: part for part in parts])  # type: ignore[misc]
         return rate_of(training, itertools.repeat(in_memory), options.steps)
-    batches = itertools.chain.from_iterable(training.loader.epoch(epoch) for epoch in itertools.count())
-    return rate_of(training, batches, options.steps)
+    return rate_of(training, endless(training), options.steps)
+
+
+def endless(training: Training) -> Iterator[Batch]:
+    """The batches of one epoch after another."""
+    return itertools.chain.from_iterable(training.loader.epoch(epoch) for epoch in itertools.count())
 
 
 def multiplications() -> float:
