@@ -9,7 +9,7 @@ from pathlib import Path
 
 import tyro
 
-from pilot.controller import SpeedConfig
+from pilot.driving.controller import SpeedConfig
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,13 @@ def serve(config: DriveConfig) -> None:
         UnusableModel, WrongVersionError, FolderInUseError, OSError: with the cure in the message.
     """
     # imported here: --help and wrong options need not wait for torch
-    from pilot.autopilot import Autopilot, FrameClock
-    from pilot.dashboard.page import create_page
-    from pilot.dashboard.state import DriveState
-    from pilot.driver import Driver
-    from pilot.recorder import Recorder
-    from pilot.server import DriveServer, check_versions
-    from pilot.websocket import listen
+    from pilot.driving.autopilot import Autopilot, FrameClock
+    from pilot.driving.dashboard.page import create_page
+    from pilot.driving.dashboard.state import DriveState
+    from pilot.driving.driver import Driver
+    from pilot.driving.recorder import Recorder
+    from pilot.driving.server import DriveServer, check_versions
+    from pilot.driving.websocket import listen
 
     check_versions()
     driver = Driver.load(config.model)

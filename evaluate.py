@@ -174,8 +174,8 @@ def make_driver(path: Path) -> "MakeSteer":
     Raises:
         UnusableModel: the file is missing, damaged, or no model of this program.
     """
-    from pilot.checkpoint import load_model
     from pilot.evaluation.closed_loop import ModelDriver, expert_driver
+    from pilot.model.checkpoint import load_model
 
     if path == EXPERT:
         return expert_driver
@@ -204,7 +204,7 @@ def report(folder: Path, name: str, driven: "dict[Trial, list[Driven]]") -> "Eva
     """Measure what a model drove, and draw it into a folder."""
     from pilot.evaluation.scores import measure
     from pilot.evaluation.table import Evaluation
-    from pilot.plots import save
+    from pilot.training.plots import save
 
     rows = {trial: measure(trial.title, drives) for trial, drives in driven.items()}
     for trial, scores in rows.items():

@@ -10,8 +10,8 @@ from pathlib import Path
 import tyro
 from tqdm import tqdm
 
-from pilot.log_format import LOG_NAME
-from pilot.recipes import RECIPES, TrainingConfig, config_from_plain
+from pilot.data.log_format import LOG_NAME
+from pilot.training.recipes import RECIPES, TrainingConfig, config_from_plain
 
 BUILT_IN = "built_in"  # folder in data/ for the built-in simulator's recordings
 MAY_CHANGE = {"resume", "epochs", "patience", "min_delta", "tensorboard", "device", "cache_gb"}  # in a resumed training
@@ -39,9 +39,9 @@ def run(config: TrainingConfig) -> None:
         NoUsableData, UnusableModel, ValueError, OSError: with the cure in the message.
     """
     # imported here: --help and wrong options need not wait for torch, nor the processes that record
-    from pilot.devices import choose_device
-    from pilot.distributed import join_processes
-    from pilot.session import train
+    from pilot.training.devices import choose_device
+    from pilot.training.distributed import join_processes
+    from pilot.training.session import train
 
     choose_device(config.device)  # refuse a wrong one before minutes of reading
     with join_processes() as processes:
@@ -97,8 +97,8 @@ def parse_options(arguments: Sequence[str]) -> TrainingConfig:
 
 
 def _resumed_options(arguments: Sequence[str], out: Path) -> TrainingConfig:
-    from pilot.checkpoint import load_plain
-    from pilot.session import STATE
+    from pilot.model.checkpoint import load_plain
+    from pilot.training.session import STATE
 
     state = load_plain(dataclasses.replace(TrainingConfig(), out=out).report / STATE,
                        "there is no interrupted training to resume; start one without --resume")

@@ -13,8 +13,8 @@ from tqdm import tqdm
 from pilot.simulator.recording import Demonstration
 
 if TYPE_CHECKING:
-    from pilot.simulator.client import Client
     from pilot.simulator.simulator import Simulator
+    from pilot.simulator.wire.client import Client
 
 Config = TypeVar("Config")
 
@@ -111,7 +111,7 @@ def record(config: RecordConfig) -> int:
 
 def by_hand(config: WindowConfig) -> int:
     """Open the window."""
-    from pilot.simulator.window import drive_by_hand
+    from pilot.simulator.window.window import drive_by_hand
 
     drive_by_hand(config.road.name, config.road.light, config.out)
     return 0
@@ -119,8 +119,8 @@ def by_hand(config: WindowConfig) -> int:
 
 def drive(config: DriveConfig) -> int:
     """Be driven, in a window or without."""
-    from pilot.simulator.client import Client
     from pilot.simulator.simulator import Simulator
+    from pilot.simulator.wire.client import Client
 
     if config.fast and not config.headless:
         raise ValueError("--fast: a window shows real time; add --headless")
@@ -139,7 +139,7 @@ def drive(config: DriveConfig) -> int:
 
 def show(simulator: "Simulator", client: "Client", title: str) -> None:
     """Let a window look on."""
-    from pilot.simulator.window import Window
+    from pilot.simulator.window.window import Window
 
     try:
         with Window(simulator.drive, simulator.renderer.scene, title=title) as window:

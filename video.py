@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 if TYPE_CHECKING:
-    from pilot.clip import Overlays
+    from pilot.video.clip import Overlays
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def make(config: ClipConfig) -> None:
     """
     from tqdm import tqdm
 
-    from pilot.clip import make_clip, read_moments
+    from pilot.video.clip import make_clip, read_moments
 
     if config.fps is not None and not 0 < config.fps <= 240:
         raise ValueError(f"--fps {config.fps:g}: must lie between 0 and 240")
@@ -69,12 +69,12 @@ def make(config: ClipConfig) -> None:
 
 def overlays(config: ClipConfig) -> "Overlays":
     """What the options ask to be drawn."""
-    from pilot.clip import Overlays
+    from pilot.video.clip import Overlays
 
     glow = None
     if config.saliency:
-        from pilot.checkpoint import load_model
-        from pilot.saliency import overlay, saliency
+        from pilot.model.checkpoint import load_model
+        from pilot.model.saliency import overlay, saliency
 
         network = load_model(config.saliency).network
         glow = lambda frame: overlay(frame, saliency(network, frame))  # noqa: E731

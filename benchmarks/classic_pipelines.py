@@ -18,8 +18,8 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from pilot.augment import AugmentConfig
 from pilot.camera import viewpoint_homography
+from pilot.data.augment import AugmentConfig
 
 Picture = NDArray[np.uint8]
 AUGMENT = AugmentConfig()

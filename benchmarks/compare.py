@@ -18,12 +18,12 @@ from tqdm import tqdm
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from pilot import report
-from pilot.driving_log import read_driving_logs
-from pilot.networks import NETWORKS, count_parameters
-from pilot.recipes import RECIPES, TrainingConfig
-from pilot.samples import make_samples
-from pilot.training import Training
+from pilot.data.driving_log import read_driving_logs
+from pilot.data.samples import make_samples
+from pilot.model.networks import NETWORKS, count_parameters
+from pilot.training import report
+from pilot.training.recipes import RECIPES, TrainingConfig
+from pilot.training.trainer import Training
 
 
 def variants(group: str, base: TrainingConfig) -> Iterator[tuple[str, TrainingConfig]]:

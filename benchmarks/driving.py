@@ -31,11 +31,11 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from wire import WireClient, telemetry
 
-from pilot.checkpoint import Model, load_model, save_model
-from pilot.driver import Driver
-from pilot.frames import encode_frame
-from pilot.networks import NETWORKS, build_network
-from pilot.telemetry import parse_telemetry
+from pilot.data.frames import encode_frame
+from pilot.driving.driver import Driver
+from pilot.driving.telemetry import parse_telemetry
+from pilot.model.checkpoint import Model, load_model, save_model
+from pilot.model.networks import NETWORKS, build_network
 
 LONGEST = 60.0  # seconds of one drive
 SCENES = (("no pause", 2, 0.0), ("one telemetry at a time", 1, 0.0), ("60 rendered frames/s", 2, 1 / 60))

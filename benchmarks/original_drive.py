@@ -20,7 +20,7 @@ from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from pilot.checkpoint import load_model
+from pilot.model.checkpoint import load_model
 
 
 def main(model_file: str, port: int) -> None:

@@ -21,16 +21,16 @@ from tqdm import tqdm
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from pilot import plots
-from pilot.driver import Steer
-from pilot.driving_log import read_driving_logs
+from pilot.data.driving_log import read_driving_logs
+from pilot.data.frames import read_frame
+from pilot.driving.driver import Steer
 from pilot.evaluation.closed_loop import ModelDriver, Task, run
 from pilot.evaluation.plan import Setup, expand_tracks
 from pilot.evaluation.replay import Replayable, ReplayConfig, along_path, prepare, replay
 from pilot.evaluation.scores import measure
-from pilot.frames import read_frame
 from pilot.simulator.record import record
 from pilot.simulator.recording import Demonstration
+from pilot.training import plots
 from pilot.workers import run_jobs
 
 WANDERING = Demonstration(laps=1, rate=10, wander=0.5)

@@ -27,11 +27,11 @@ from torch import Tensor, nn
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.training import endless, made_up_recording, prepare, rate_of
-from pilot.augment import in_light, render
-from pilot.devices import keep_memory
-from pilot.frame_cache import FrameCache
-from pilot.networks import NETWORKS, build_network
-from pilot.training import Training
+from pilot.data.augment import in_light, render
+from pilot.data.frame_cache import FrameCache
+from pilot.model.networks import NETWORKS, build_network
+from pilot.training.devices import keep_memory
+from pilot.training.trainer import Training
 
 PICTURES = 32  # a part of a batch, as one of two cores has it
 LANES = 16  # float32 values in a vector register of AVX-512

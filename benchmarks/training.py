@@ -33,16 +33,16 @@ from torch.utils.flop_counter import FlopCounterMode
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.classic_pipelines import data_loader_rate, keras_rate
-from pilot.batches import Batch
-from pilot.devices import keep_memory
-from pilot.driving_log import read_driving_logs
-from pilot.frame_cache import FrameCache
-from pilot.log_format import CAMERAS, LOG_NAME
-from pilot.networks import NETWORKS, build_network
-from pilot.recipes import RECIPES
-from pilot.samples import make_samples
-from pilot.session import make_cache
-from pilot.training import Training
+from pilot.data.batches import Batch
+from pilot.data.driving_log import read_driving_logs
+from pilot.data.frame_cache import FrameCache
+from pilot.data.log_format import CAMERAS, LOG_NAME
+from pilot.data.samples import make_samples
+from pilot.model.networks import NETWORKS, build_network
+from pilot.training.devices import keep_memory
+from pilot.training.recipes import RECIPES
+from pilot.training.session import make_cache
+from pilot.training.trainer import Training
 
 WARM_UP = 4  # steps that are not counted
 WAYS = ("roofline", "pure", "pipeline", "first", "keras", "loader")

@@ -26,8 +26,8 @@ from selenium.webdriver.common.by import By
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from pilot.frames import Frame
-from pilot.log_format import CAMERAS
+from pilot.data.frames import Frame
+from pilot.data.log_format import CAMERAS
 from pilot.simulator.simulator import Simulator
 
 PORT = "4588"

@@ -7,9 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from pilot.simulator.track import STEP, Track
+from pilot.simulator.track import STEP, Track, closed_road
 
 REPOSITORY = Path(__file__).parents[1]
+RADIUS = 60.0  # metres, of the circular road
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -85,3 +86,10 @@ def straightest(track: Track) -> float:
     bend = np.abs(track.curvatures)
     ahead = np.stack([np.roll(bend, -shift) for shift in range(round(30 / STEP))]).max(0)
     return float(ahead.argmin()) * STEP
+
+
+def circle(height: float = 0.0) -> Track:
+    """A road of 60 m radius, driven clockwise; `height` tilts it."""
+    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    corners = np.column_stack([RADIUS * np.sin(angles), RADIUS * np.cos(angles), height * np.cos(angles)])
+    return closed_road("circle", corners, 4.0)

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 
-from pilot.checkpoint import load_model
 from pilot.evaluation.closed_loop import ModelDriver, Task, run
 from pilot.evaluation.plan import Setup
+from pilot.model.checkpoint import load_model
 
 MODELS = sorted((REPOSITORY / "models").glob("*.pt"))
 

@@ -8,8 +8,8 @@ import pytest
 from conftest import straightest
 
 from pilot import camera
-from pilot.driving_log import read_driving_logs
-from pilot.frames import read_frame
+from pilot.data.driving_log import read_driving_logs
+from pilot.data.frames import read_frame
 from pilot.simulator.simulator import Simulator
 
 

@@ -6,7 +6,7 @@ import socket
 import time
 from typing import Any
 
-from pilot.simulator.wire import Connection, build_frame, parse_event
+from pilot.simulator.wire.connection import Connection, build_frame, parse_event
 
 
 def free_port() -> int:

@@ -14,18 +14,18 @@ from pathlib import Path
 
 import numpy as np
 
-from pilot.autopilot import Answer, Autopilot
-from pilot.clip import Overlays, make_clip
-from pilot.driver import Driver, Steer
+from pilot.data.frames import Frame
+from pilot.driving.autopilot import Answer, Autopilot
+from pilot.driving.driver import Driver, Steer
+from pilot.driving.recorder import Recorder
 from pilot.evaluation.plan import Setup
 from pilot.evaluation.scores import Driven, Intervention, Reason
-from pilot.frames import Frame
-from pilot.recorder import Recorder
 from pilot.simulator.car import MPH, TICK
-from pilot.simulator.client import build_telemetry, parse_steer
 from pilot.simulator.drive import Drive, State
 from pilot.simulator.expert import Expert
 from pilot.simulator.simulator import TICKS, Simulator
+from pilot.simulator.wire.client import build_telemetry, parse_steer
+from pilot.video.clip import Overlays, make_clip
 
 PATIENCE_SECONDS, PATIENCE_METRES = 10.0, 1.0  # a car that gets on by less in this time is put back
 SLOWEST = 0.25  # share of the set speed; who is slower on average does not get to the end of his laps

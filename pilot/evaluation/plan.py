@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import tyro
 
-from pilot.controller import SpeedConfig
+from pilot.driving.controller import SpeedConfig
 
 TICK_MS = 20  # the simulator's clock
 RANDOM_RANGE = re.compile(r"random:(\d+)-(\d+)( reversed)?")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from pilot.samples import LONGEST_GAP
+from pilot.data.samples import LONGEST_GAP
 from pilot.simulator.car import MPH, path_curvature
 
 Array = NDArray[np.float64]

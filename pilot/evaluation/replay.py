@@ -17,7 +17,9 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from pilot.driver import Steer
+from pilot.data.frames import Frame
+from pilot.data.log_format import CAMERAS
+from pilot.driving.driver import Steer
 from pilot.evaluation.reference_path import (
     Array,
     Line,
@@ -30,8 +32,6 @@ from pilot.evaluation.reference_path import (
 from pilot.evaluation.replay_road import PATH_SPREAD, find_road
 from pilot.evaluation.replay_view import view
 from pilot.evaluation.scores import Driven, Intervention
-from pilot.frames import Frame
-from pilot.log_format import CAMERAS
 from pilot.simulator.car import MPH, path_curvature
 from pilot.simulator.track import HALF_TRACK
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from pilot import camera
 from pilot.camera import AHEAD_OF_REAR_AXLE, COLUMNS
+from pilot.data.frames import Frame, read_frame
 from pilot.evaluation.reference_path import Array, Line, Motion, fit_line
-from pilot.frames import Frame, read_frame
 
 CELL = 0.1  # metres
 ACROSS = np.arange(-90, 91) * CELL  # metres right of the line

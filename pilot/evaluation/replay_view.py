@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pilot import camera
 from pilot.camera import CAMERA_OFFSETS, COLUMNS, ROWS, Matrix
-from pilot.frames import Frame, read_frame
+from pilot.data.frames import Frame, read_frame
 
 BONNET = 136  # first row in which it is seen; networks do not look at it
 

@@ -5,13 +5,13 @@ import functools
 import numpy as np
 import pandas as pd
 
-from pilot.driver import Steer
+from pilot.driving.driver import Steer
 from pilot.evaluation.closed_loop import drive_laps
 from pilot.evaluation.plan import Setup
 from pilot.evaluation.replay import Replayable, prepare, replay
 from pilot.evaluation.scores import Driven
 from pilot.simulator.simulator import Simulator
-from pilot.training import DrivingCheck
+from pilot.training.trainer import DrivingCheck
 
 # roads that are in no demonstration; another seed of the start place for each
 ROADS = tuple(f"random:{seed}" for seed in range(2000, 2006))

@@ -12,8 +12,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pilot.driver import Steer
-from pilot.driving_log import part_of_each, read_driving_logs
+from pilot.data.driving_log import part_of_each, read_driving_logs
+from pilot.data.frames import encode_frame
+from pilot.data.log_format import LOG_NAME
+from pilot.driving.driver import Steer
 from pilot.evaluation.closed_loop import CLIP_START, MakeSteer, ModelDriver, Task, film, run
 from pilot.evaluation.over_socket import run_over_socket
 from pilot.evaluation.pictures import draw_drives
@@ -21,8 +23,6 @@ from pilot.evaluation.plan import Setup
 from pilot.evaluation.replay import Moment, Replayable, prepare, replay
 from pilot.evaluation.replay_pictures import draw_replay
 from pilot.evaluation.scores import Driven, Scores
-from pilot.frames import encode_frame
-from pilot.log_format import LOG_NAME
 from pilot.simulator.catalogue import load_track
 
 Job = Callable[[], Sequence[Driven]]  # in any process: to be pickled

@@ -5,7 +5,7 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from pilot.log_format import CAMERAS, LOG_NAME
+from pilot.data.log_format import CAMERAS, LOG_NAME
 from pilot.simulator.catalogue import NAMED
 from pilot.simulator.recording import Demonstration, RecordingWriter, demonstrate
 from pilot.simulator.simulator import Simulator

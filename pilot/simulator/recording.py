@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pilot.frames import Frame, encode_frame
-from pilot.log_format import CAMERAS, LOG_NAME
+from pilot.data.frames import Frame, encode_frame
+from pilot.data.log_format import CAMERAS, LOG_NAME
 from pilot.simulator.car import MPH, TICK
 from pilot.simulator.drive import Drive
 from pilot.simulator.expert import Expert

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from pilot.frames import Frame
+from pilot.data.frames import Frame
 from pilot.simulator.catalogue import load_course, load_track
 from pilot.simulator.course import LIGHTS
 from pilot.simulator.drive import Drive, State
-from pilot.simulator.renderer import Renderer
-from pilot.simulator.scene import Scene
+from pilot.simulator.rendering.renderer import Renderer
+from pilot.simulator.rendering.scene import Scene
 from pilot.simulator.track import REVERSED
 
 TICKS = 2  # of 20 ms in a step: the real simulator sends some 25 frames a second

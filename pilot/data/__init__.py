@@ -1,0 +1,1 @@
+"""Recordings: from a driving_log.csv to batches of augmented frames."""

@@ -1,0 +1,170 @@
+"""Samples → batches, in parts: each is read, decoded and augmented by the thread that works on it.
+
+The order of an epoch and every random draw follow from the seed, the epoch and the sample's number alone: not from how
+many threads or processes there are, nor from where an interrupted epoch is taken up again.
+"""
+
+import functools
+import os
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from pilot.camera import COLUMNS, ROWS, Floats, Matrix
+from pilot.data.augment import AugmentConfig, View, flip, in_light, random_lights, random_views, render, rotate
+from pilot.data.device_augment import Draws
+from pilot.data.frame_cache import FrameCache
+from pilot.data.frames import Frame, UnreadableImage
+
+
+@dataclass(frozen=True)
+class Part:
+    """Samples to work on.
+
+    Attributes:
+        frames: n x 160 x 320 x 3, uint8 RGB; only the rows that the network looks at are filled. With `draws`: only
+            the rows that the cache keeps, as recorded.
+        steering: n, float32: the labels.
+        weight: n, float32: weights in the loss.
+        index: n, int64: numbers of the samples.
+        draws: how the device is to augment the frames.
+    """
+
+    frames: Tensor
+    steering: Tensor
+    weight: Tensor
+    index: NDArray[np.int64]
+    draws: Draws | None = None
+
+
+@dataclass(frozen=True)
+class Batch:
+    """The samples of one step.
+
+    Attributes:
+        size: samples over all processes, before those with unreadable pictures fall out.
+        parts: this process's; each is made when it is called.
+    """
+
+    size: int
+    parts: Sequence[Callable[[], Part]]
+
+
+class BatchLoader:
+    """Batches of a set of samples, for one of `world` processes (its share of every batch)."""
+
+    def __init__(self, samples: pd.DataFrame, rows: tuple[int, int], batch_size: int, *,
+                 augment: AugmentConfig | None = None, cache: FrameCache | None = None, seed: int = 0, rank: int = 0,
+                 world: int = 1, parts: int = 1, for_gpu: bool = False) -> None:
+        """Prepare for `samples`; without `augment` frames come as recorded, in the samples' order.
+
+        Args:
+            rows: of the frames, that the network looks at.
+            cache: reads the frames.
+            parts: that each batch is divided into.
+            for_gpu: batches are read ahead, and the device augments them. (On a CPU, threads that read ahead would
+                fight the network's for the cores, which costs more than it gains.)
+        """
+        self.images = samples["image"].tolist()
+        self.steering = samples["steering"].to_numpy(float)
+        self.weight = samples["weight"].to_numpy(np.float32)
+        self.flip = samples["flip"].to_numpy(bool)
+        self.rotation = samples["rotation"].to_numpy(float)
+        self.rows, self.batch_size, self.augment, self.seed = rows, batch_size, augment, seed
+        self.rank, self.world, self.parts, self.for_gpu = rank, world, parts, for_gpu
+        self.cache = cache or FrameCache()
+        self.unreadable: set[str] = set()
+
+    def epoch(self, epoch: int, first_batch: int = 0) -> Iterator[Batch]:
+        """The batches of an epoch from `first_batch` on; samples whose picture is damaged fall out."""
+        order, drawn = self._order(epoch), self._draw(epoch)
+        starts = range(first_batch * self.batch_size, len(order), self.batch_size)
+        batches = (self._batch(order[start : start + self.batch_size], drawn) for start in starts)
+        return read_ahead(batches) if self.for_gpu else batches
+
+    def _order(self, epoch: int) -> NDArray[np.int64]:
+        numbers = np.arange(len(self.images))
+        return numbers if self.augment is None else np.random.default_rng([self.seed, epoch]).permutation(numbers)
+
+    def _draw(self, epoch: int) -> "_Drawn":
+        """How all samples are to be seen in an epoch."""
+        n = len(self.images)
+        view = View(self.steering)
+        view = rotate(view, self.rotation).where(self.rotation != 0, view)
+        view = flip(view).where(self.flip, view)
+        lights = np.ones((n, 5))
+        if self.augment:
+            rng = np.random.default_rng([self.seed, epoch, 1])
+            view, lights = random_views(view, self.augment, rng), random_lights(n, self.augment, rng)
+        return _Drawn(np.asarray(view.steering), view.homography, lights)
+
+    def _batch(self, index: NDArray[np.int64], drawn: "_Drawn") -> Batch:
+        parts = np.array_split(index[self.rank :: self.world], self.parts)
+        load = self._load_for_gpu if self.for_gpu else self._load
+        return Batch(len(index), [functools.partial(load, part, drawn) for part in parts])
+
+    def _load(self, index: NDArray[np.int64], drawn: "_Drawn") -> Part:
+        """Read samples, and augment them."""
+        top, bottom = self.rows
+        frames = np.empty((len(index), ROWS, COLUMNS, 3), np.uint8)  # pages of rows not filled are never touched
+        readable: list[int] = []
+        for sample, kept in self._read(index):
+            pixels = render(kept, drawn.homographies[sample], self.rows, self.cache.rows[0])
+            frames[len(readable), top:bottom] = in_light(pixels, drawn.lights[sample])
+            readable.append(sample)
+        return self._part(torch.from_numpy(frames[: len(readable)]), readable, drawn)
+
+    def _load_for_gpu(self, index: NDArray[np.int64], drawn: "_Drawn") -> Part:
+        """Read samples for the device to augment."""
+        first, last = self.cache.rows
+        read = list(self._read(index))
+        frames = torch.from_numpy(np.array([kept for _, kept in read]).reshape(-1, last - first, COLUMNS, 3))
+        part = self._part(frames, [sample for sample, _ in read], drawn)
+        draws = Draws.of(drawn.homographies[part.index], drawn.lights[part.index], first, self.rows[0])
+        pinned = frames.pin_memory() if torch.cuda.is_available() else frames  # copied while the GPU computes
+        return replace(part, frames=pinned, draws=draws)
+
+    def _read(self, index: NDArray[np.int64]) -> Iterator[tuple[int, Frame]]:
+        """The samples that can be read, and what is kept of their frames."""
+        for sample in index.tolist():
+            try:
+                yield sample, self.cache.read(self.images[sample])
+            except UnreadableImage:
+                self.unreadable.add(self.images[sample])
+
+    def _part(self, frames: Tensor, readable: list[int], drawn: "_Drawn") -> Part:
+        index = np.array(readable, np.int64)
+        steering, weight = torch.from_numpy(drawn.steering[index]).float(), torch.from_numpy(self.weight[index])
+        return Part(frames, steering, weight, index)
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """How each sample is seen in an epoch: label, homography (3x3), light (5)."""
+
+    steering: Floats
+    homographies: Matrix
+    lights: Floats
+
+
+def read_ahead(batches: Iterator[Batch]) -> Iterator[Batch]:
+    """The same batches, some of them already being read, by a thread for each core."""
+    cores = os.cpu_count() or 1
+    with ThreadPoolExecutor(cores) as threads:
+        ahead: deque[Batch] = deque()
+        try:
+            for batch in batches:
+                futures = [threads.submit(part) for part in batch.parts]
+                ahead.append(Batch(batch.size, [future.result for future in futures]))
+                if len(ahead) > cores:
+                    yield ahead.popleft()
+            yield from ahead
+        finally:  # Ctrl-C or an error in the step: don't read what nobody will use
+            threads.shutdown(cancel_futures=True)

@@ -1,0 +1,81 @@
+"""The augmentations of `augment` for a whole batch at once, on the network's device.
+
+A GPU takes a hundredth of a CPU's time for a step, so that OpenCV could not keep up; the draws stay with the CPU,
+so that both see the same pictures. Where the two differ (by a grey level or two), OpenCV rounds its coefficients.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from pilot.camera import COLUMNS, ROWS, Floats, Matrix
+from pilot.data.augment import from_rows
+
+
+@dataclass(frozen=True)
+class Draws:
+    """How each picture of a batch is seen.
+
+    Attributes:
+        homographies: n x 3 x 3, float32: from pixels of the rows shown back to pixels of the rows kept.
+        lights: n x 5, float32: as random_lights draws them.
+    """
+
+    homographies: Tensor
+    lights: Tensor
+
+    @classmethod
+    def of(cls, homographies: Matrix, lights: Floats, first_kept: int, first_shown: int) -> "Draws":
+        """What was drawn for whole frames, for pictures that begin at a row."""
+        backwards = np.linalg.inv(from_rows(homographies, first_kept, first_shown))
+        return cls(torch.from_numpy(backwards).float(), torch.from_numpy(lights).float())
+
+    def to(self, device: torch.device) -> "Draws":
+        """The same on a device."""
+        return Draws(self.homographies.to(device), self.lights.to(device))
+
+
+def augment(kept: Tensor, draws: Draws, rows: tuple[int, int]) -> Tensor:
+    """Show each picture of a batch as drawn.
+
+    Args:
+        kept: n x height x 320 x 3, uint8 RGB: the rows that the cache keeps.
+        draws: on the same device.
+        rows: that the network looks at.
+
+    Returns:
+        n x 160 x 320 x 3, uint8 RGB; black but for `rows`.
+    """
+    pixels = _warp(kept.permute(0, 3, 1, 2).float(), draws.homographies, rows[1] - rows[0])
+    lit = _in_light(pixels, draws.lights)
+    frames = torch.zeros((len(kept), ROWS, COLUMNS, 3), dtype=torch.uint8, device=kept.device)
+    frames[:, slice(*rows)] = lit.permute(0, 2, 3, 1).to(torch.uint8)
+    return frames
+
+
+def _warp(pixels: Tensor, homographies: Tensor, height: int) -> Tensor:
+    """Rows as another camera sees them; the border goes on outside, but is black where a picture is only turned."""
+    y, x = torch.meshgrid(torch.arange(height, device=pixels.device), torch.arange(COLUMNS, device=pixels.device),
+                          indexing="ij")
+    shown = torch.stack([x, y, torch.ones_like(x)], -1).float()
+    source = torch.einsum("nij,hwj->nhwi", homographies, shown)
+    source = source[..., :2] / source[..., 2:]
+    size = torch.tensor([COLUMNS - 1, pixels.shape[2] - 1], device=pixels.device)
+    warped = functional.grid_sample(pixels, source / size * 2 - 1, "bilinear", "border", align_corners=True)
+    inside = ((source > -1) & (source < size + 1)).all(-1)
+    turned = (homographies[:, 2, :2] == 0).all(1)
+    return warped * (inside | ~turned[:, None, None])[:, None]
+
+
+def _in_light(pixels: Tensor, lights: Tensor) -> Tensor:
+    height = pixels.shape[2]
+    factor, top, bottom, right, shadow = lights[:, :, None, None].unbind(1)
+    row = torch.arange(height, device=pixels.device)[:, None]
+    column = torch.arange(COLUMNS, device=pixels.device)
+    line = top + (bottom - top) * row / height
+    in_shadow = torch.where(right > 0, column >= line, column <= line)
+    lit = (pixels * factor[:, None]).round().clamp(0, 255)
+    return (lit * torch.where(in_shadow, shadow, 1.0)[:, None]).round()

@@ -1,0 +1,183 @@
+"""Recordings → clean rows, or a refusal with counts.
+
+A recording is a folder with a driving_log.csv and, beside it, the pictures in IMG/.
+"""
+
+import math
+import os
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from pilot.data.frame_cache import FrameCache, Progress
+from pilot.data.log_format import CAMERAS, LOG_NAME, NUMBERS, LogLine, parse_log, time_of
+
+SECONDS_A_ROW = 0.1  # where the names of the pictures carry no time
+
+
+class NoUsableData(ValueError):
+    """There is nothing to train on; the message names the file and the cure."""
+
+
+@dataclass(frozen=True)
+class DrivingLog:
+    """The rows that can be used, of one or many recordings, and a count of those that cannot.
+
+    Attributes:
+        rows: one row a moment, in the order of recording. Columns: recording (number), line (in the
+            file), time (seconds), center, left, right (path of the picture, or "" without one),
+            steering (-1..1, right is positive), throttle and brake (0..1), speed (mph); the last
+            three are NaN where the log does not hold them.
+        recordings: the folders, in the order of their numbers.
+        left_out: for every recording, how many rows (or side pictures) were left out, by reason.
+    """
+
+    rows: pd.DataFrame
+    recordings: tuple[Path, ...]
+    left_out: tuple[Counter[str], ...]
+
+    def table(self) -> str:
+        """What was read and what was left out, a line a recording, as text."""
+        used = self.rows["recording"].value_counts()
+        lines = [
+            {"recording": str(folder), "rows used": int(used.get(number, 0)), **left_out}
+            for number, (folder, left_out) in enumerate(zip(self.recordings, self.left_out, strict=True))
+        ]
+        return str(pd.DataFrame(lines).fillna(0).to_string(index=False, float_format="%d"))
+
+
+def find_recordings(folders: Sequence[Path]) -> list[Path]:
+    """The driving_log.csv files in these folders and below them, each once; a log itself may be named.
+
+    Raises:
+        NoUsableData: a folder does not exist, or there is no log in any of them.
+    """
+    logs: list[Path] = []
+    for folder in folders:
+        if not folder.exists():
+            raise NoUsableData(f"{folder}: no such folder. Name the folder of a recording: --data DIR")
+        logs += [folder] if folder.is_file() else sorted(folder.rglob(LOG_NAME))
+    if not logs:
+        raise NoUsableData(
+            f"{', '.join(map(str, folders))}: no {LOG_NAME} in it or below. Record laps with the simulator "
+            f"into that folder, or name the folder of a recording: --data DIR"
+        )
+    return list({log.resolve(): log for log in logs}.values())
+
+
+def read_driving_logs(folders: Sequence[Path], progress: Progress | None = None,
+                      cache: FrameCache | None = None) -> DrivingLog:
+    """Read one or many recordings and leave out what cannot be used, counted by reason.
+
+    Args:
+        folders: recordings, or folders of recordings.
+        progress: wraps the pictures while they are checked (called with them and their number).
+        cache: knows some pictures already, and keeps the others.
+
+    Raises:
+        NoUsableData: nothing can be used; names the file, the reasons and the cure.
+    """
+    logs = find_recordings(folders)
+    parts = [_read_log(log, number) for number, log in enumerate(logs)]
+    rows = pd.concat([rows for rows, _ in parts], ignore_index=True)
+    left_out = tuple(counts for _, counts in parts)
+    paths = [path for camera in CAMERAS for path in rows[camera] if path]
+    rows = _without_bad_images(rows, left_out, (cache or FrameCache()).check(paths, progress))
+    recordings = tuple(log.parent if log.name == LOG_NAME else log for log in logs)
+    if rows.empty:
+        raise NoUsableData(_nothing_usable(logs, left_out))
+    return DrivingLog(rows, recordings, left_out)
+
+
+def part_of_each(rows: pd.DataFrame, begin: float, end: float) -> pd.DataFrame:
+    """The rows of each recording from one share of it to another (0..1), in the order of recording."""
+    recording = rows.groupby("recording")["recording"]
+    share = recording.cumcount() / recording.transform("size")
+    return rows[(share >= begin) & (share < end)].reset_index(drop=True)
+
+
+def _nothing_usable(logs: Sequence[Path], left_out: Sequence[Counter[str]]) -> str:
+    reasons = "; ".join(
+        f"{log}: " + (", ".join(f"{reason} ({count})" for reason, count in counts.items()) or "no rows")
+        for log, counts in zip(logs, left_out, strict=True)
+    )
+    cure = "The pictures belong into the folder IMG beside the log; record anew if they are lost"
+    return f"no row can be used. {reasons}. {cure}"
+
+
+def _read_log(log: Path, recording: int) -> tuple[pd.DataFrame, Counter[str]]:
+    try:
+        lines = list(parse_log(log.read_bytes().decode("utf-8-sig", errors="replace")))
+    except ValueError as error:
+        names = ",".join((*CAMERAS, *NUMBERS))
+        raise NoUsableData(f"{log}: {error}. Give the columns their usual names: {names}") from error
+    images = _images_beside(log)
+    usual = Counter(len(line.values) for line in lines).most_common(1)
+    left_out: Counter[str] = Counter()
+    rows = []
+    for line in lines:
+        if fault := _row_fault(line, expected=usual[0][0], images=images):
+            left_out[fault] += 1
+        else:
+            rows.append(_row(line, images, recording))
+            missing = sum(name.lower() not in images for name in line.images.values())
+            left_out.update({"side image missing": missing} if missing else {})
+    columns = ["recording", "line", "time", *CAMERAS, *NUMBERS]
+    frame = pd.DataFrame(rows, columns=columns)
+    frame["time"] = _fill_times(frame["time"])
+    return frame, left_out
+
+
+def _images_beside(log: Path) -> dict[str, str]:
+    """Paths of the pictures in IMG/ (or simply beside the log) by their names in lower case."""
+    folders = [log.parent, *(entry for entry in log.parent.iterdir() if entry.is_dir() and entry.name.lower() == "img")]
+    return {name.lower(): str(folder / name) for folder in folders for name in os.listdir(folder)}
+
+
+def _row_fault(line: LogLine, expected: int, images: dict[str, str]) -> str | None:
+    """Why a row cannot be used, as far as its text tells."""
+    if len(line.values) < min(expected, len(NUMBERS)) or not line.images:
+        return "row incomplete"
+    steering = _number(line.values.get("steering", ""))
+    if math.isnan(steering):
+        return "steering not a number"
+    if not -1.0 <= steering <= 1.0:
+        return "steering outside -1..1"
+    if line.images.get("center", "").lower() not in images:
+        return "image missing"
+    return None
+
+
+def _row(line: LogLine, images: dict[str, str], recording: int) -> dict[str, object]:
+    paths = {camera: images.get(line.images.get(camera, "").lower(), "") for camera in CAMERAS}
+    numbers = {name: _number(line.values.get(name, "")) for name in NUMBERS}
+    time = time_of(line.images["center"])
+    return {"recording": recording, "line": line.number, "time": time, **paths, **numbers}
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _fill_times(times: "pd.Series[float]") -> "pd.Series[float]":
+    if times.isna().any():
+        return pd.Series(range(len(times)), dtype=float) * SECONDS_A_ROW
+    return times
+
+
+def _without_bad_images(rows: pd.DataFrame, left_out: Sequence[Counter[str]], bad: dict[str, str]) -> pd.DataFrame:
+    """Drop rows whose centre picture cannot be used, and side pictures that cannot."""
+    for camera in CAMERAS:
+        damaged = rows[rows[camera].isin(list(bad))]
+        what = "" if camera == "center" else "side "
+        for recording, path in zip(damaged["recording"], damaged[camera], strict=True):
+            left_out[recording][what + bad[path]] += 1
+    for camera in ("left", "right"):
+        rows[camera] = rows[camera].where(~rows[camera].isin(list(bad)), "")
+    return rows[~rows["center"].isin(list(bad))].reset_index(drop=True)

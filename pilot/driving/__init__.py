@@ -1,0 +1,1 @@
+"""A model drives the simulator: telemetry in, commands out."""

@@ -1,0 +1,69 @@
+"""What the page shows: the drive as it is now, and its last minute."""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from pilot.driving.autopilot import Answer, Autopilot
+
+WAITING_AFTER = 2.0  # s without telemetry
+RATE_SECONDS = 2.0  # frames a second and milliseconds are taken over this
+SAMPLE_SECONDS = 0.095  # between two points of the strip chart: a little under a tenth, for clocks that jitter
+MINUTE = 600  # points
+
+
+class DriveState:
+    """Notes each answer; the page asks for `snapshot`.
+
+    Attributes:
+        number: how many answers there were: changes when there is something new to show.
+        answer: the last answer with a frame.
+    """
+
+    def __init__(self, autopilot: Autopilot, clock: Callable[[], float] = time.monotonic) -> None:
+        """Show the drive of `autopilot`."""
+        self.autopilot, self.clock = autopilot, clock
+        self.number = 0
+        self.answer: Answer | None = None
+        self._last_time, self._last_event = float("-inf"), ""
+        self._recent: deque[tuple[float, float]] = deque(maxlen=400)  # time, seconds to answer
+        self._samples: deque[dict[str, float]] = deque(maxlen=MINUTE)
+
+    def observe(self, answer: Answer) -> None:
+        """Note an answer; costs microseconds."""
+        now = self.clock()
+        self.number += 1
+        self._last_time, self._last_event = now, answer.event
+        self._recent.append((now, answer.seconds))
+        if answer.telemetry is None:
+            return
+        self.answer = answer
+        if not self._samples or now - self._samples[-1]["time"] >= SAMPLE_SECONDS:
+            self._samples.append({"time": round(now, 3), "speed": round(answer.telemetry.speed, 2),
+                                  "set_speed": round(self.autopilot.speed.wanted_speed(answer.steering), 2),
+                                  "steering": round(answer.steering, 4), "throttle": round(answer.throttle, 3)})
+
+    @property
+    def state(self) -> str:
+        """What is going on: "waiting" (for the simulator), "driving" or "manual"."""
+        if self.clock() - self._last_time > WAITING_AFTER:
+            return "waiting"
+        return "manual" if self._last_event == "manual" else "driving"
+
+    def snapshot(self, since: float = 0.0) -> dict[str, Any]:
+        """All the page shows, with the points of the chart after the time `since`."""
+        now = self.clock()
+        recent = [(at, seconds) for at, seconds in self._recent if now - at < RATE_SECONDS]
+        span = now - recent[0][0] if recent else 1.0
+        times = sorted(seconds for _, seconds in recent)
+        answer = self.answer
+        return {
+            "state": self.state, "time": round(now, 3), "set_speed": self.autopilot.speed.set_speed,
+            "steering": round(answer.steering, 4) if answer else 0.0,
+            "throttle": round(answer.throttle, 3) if answer else 0.0,
+            "speed": round(answer.telemetry.speed, 2) if answer and answer.telemetry else 0.0,
+            "frames_per_second": round(len(recent) / max(span, 0.2), 1) if len(recent) > 1 else 0.0,
+            "milliseconds": round(1000 * times[len(times) // 2], 2) if times else 0.0,
+            "samples": [sample for sample in self._samples if sample["time"] > since],
+        }

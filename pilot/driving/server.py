@@ -1,0 +1,139 @@
+"""Serves the simulator: the only file that knows Socket.IO.
+
+The simulator speaks the old protocol (Engine.IO 3, Socket.IO 2) though its address says EIO=4; only
+certain versions of the packages understand it. Others connect, and then the car does not move.
+"""
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from importlib import metadata
+from typing import Any
+
+import eventlet
+import eventlet.wsgi
+import socketio
+
+from pilot.driving.autopilot import Answer, Autopilot
+from pilot.driving.websocket import UNKNOWN, PromptSocket, PromptWebSocketWSGI, TolerantJson
+from pilot.interrupt import catch_interrupt
+
+log = logging.getLogger("pilot")
+
+WORKING_VERSIONS = {"python-socketio": "4.6.1", "python-engineio": "3.13.2"}
+PING_SECONDS, PING_GRACE = 25, 60  # the simulator pings every 25 s, later when it is busy
+REVIVE_SECONDS, REVIVE_AT_MOST = 1.0, 30.0  # silence after which the command is sent again, doubling
+GONE_SECONDS = 5.0  # silence after which another car may be driven
+Observer = Callable[[Answer], None]
+
+
+class WrongVersionError(RuntimeError):
+    """Packages are installed that the simulator's protocol does not work with."""
+
+
+def check_versions() -> None:
+    """Refuse package versions that connect, or do not even connect, and never drive.
+
+    Raises:
+        WrongVersionError: names what is installed, what is needed, and the command that mends it.
+    """
+    wrong = {name: found for name, needed in WORKING_VERSIONS.items() if (found := metadata.version(name)) != needed}
+    if wrong:
+        found = ", ".join(f"{name} {version}" for name, version in wrong.items())
+        needed = " ".join(f"{name}=={version}" for name, version in WORKING_VERSIONS.items())
+        raise WrongVersionError(f"{found}: with this the simulator connects and the car does not move, or it does "
+                                f"not connect at all. Install what works: pip install {needed}")
+
+
+class DriveServer:
+    """Answers the simulator's telemetry.
+
+    Attributes:
+        autopilot: makes the answers.
+        observers: called with each answer after it was sent.
+        car: the connection that is being driven; None while none is.
+    """
+
+    def __init__(self, autopilot: Autopilot, observers: Sequence[Observer] = ()) -> None:
+        """Prepare; `serve` begins."""
+        self.autopilot, self.observers = autopilot, observers
+        self.car: str | None = None
+        self._heard = 0.0
+        self._patience = REVIVE_SECONDS
+        self._told: set[str] = set()
+        # handlers run one after another, in order: each telemetry is answered before the next is read
+        self.socketio = socketio.Server(async_mode="eventlet", async_handlers=False, json=TolerantJson,
+                                        ping_interval=(PING_SECONDS, PING_GRACE))
+        self.socketio.eio._async["websocket"] = PromptWebSocketWSGI
+        for name, handler in {"connect": self._connect, "disconnect": self._disconnect,
+                              "telemetry": self._telemetry, UNKNOWN: self._unknown}.items():
+            self.socketio.on(name, handler)
+
+    def serve(self, listener: PromptSocket, page: Callable[..., Any] | None = None) -> None:
+        """Serve until Ctrl-C; `page` is the WSGI application for everything that is not the simulator."""
+        application = socketio.WSGIApp(self.socketio, page)
+        tasks = [eventlet.spawn(eventlet.wsgi.server, listener, application, log_output=False, debug=False),
+                 eventlet.spawn(self._watch)]
+        # as a flag: a KeyboardInterrupt raised inside Engine.IO would end in its bare `except:`
+        with catch_interrupt() as interrupt:
+            while not interrupt.asked and not any(task.dead for task in tasks):
+                eventlet.sleep(0.1)
+        for task in tasks:
+            if task.dead:
+                task.wait()  # raises what it died of
+
+    def _connect(self, connection: str, _environment: dict[str, Any]) -> None:
+        # no steer from here: it would only put a third, staler telemetry on the way
+        log.info("simulator connected (%s)", connection[:6])
+
+    def _disconnect(self, connection: str) -> None:
+        log.info("simulator disconnected (%s)", connection[:6])
+        self._told.discard(connection)
+        if connection == self.car:
+            self._release()
+
+    def _telemetry(self, connection: str, data: Any = None, *_more: Any) -> None:
+        if not self._drives(connection):
+            self.socketio.emit("manual", {}, room=connection)
+            return
+        self._heard, self._patience = time.monotonic(), REVIVE_SECONDS
+        answer = self.autopilot.answer(data)
+        self._send(connection, answer)
+        for observe in self.observers:
+            observe(answer)
+
+    def _unknown(self, connection: str, what: str = "", *_more: Any) -> None:
+        self.autopilot.warnings.say("not understood", what)
+        if connection == self.car:
+            self._send(connection, self.autopilot.safe_command())
+
+    def _send(self, connection: str, answer: Answer) -> None:
+        self.socketio.emit(answer.event, answer.message, room=connection)
+        eventlet.sleep(0)  # lets it leave before anything else is done
+
+    def _drives(self, connection: str) -> bool:
+        """Whether this connection is the one car that is driven; takes the place of one that is gone."""
+        if self.car is not None and connection != self.car and time.monotonic() - self._heard > GONE_SECONDS:
+            log.warning("the car (%s) is silent; another takes its place", self.car[:6])
+            self._release()
+        if self.car is None:
+            self.car = connection
+        if connection != self.car and connection not in self._told:
+            self._told.add(connection)
+            log.warning("a second simulator (%s) connected: one car at a time is driven, this one is not. "
+                        "Quit the other simulator first", connection[:6])
+        return connection == self.car
+
+    def _release(self) -> None:
+        self.car = None
+        self.autopilot.reset()
+
+    def _watch(self) -> None:
+        """Send the last command again when the car is silent: its telemetry, or our answer, may be lost."""
+        while True:
+            eventlet.sleep(REVIVE_SECONDS / 4)
+            if self.car is None or time.monotonic() - self._heard < self._patience:
+                continue
+            log.warning("no telemetry for %.0f s: sending the last command again", self._patience)
+            self._patience = min(2 * self._patience, REVIVE_AT_MOST)
+            self._send(self.car, self.autopilot.safe_command())

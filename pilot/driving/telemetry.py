@@ -1,0 +1,105 @@
+"""The simulator's messages in plain values: telemetry in, steer out. Everything on the wire is a string.
+
+Numbers follow the PC's locale: a German one sends "29,8572" and takes "0.25" for 25, which is full
+lock. So where telemetry comes with commas, the answer has commas.
+"""
+
+import base64
+import binascii
+import math
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pilot.data.frames import Frame, decode_frame
+
+TOP_SPEED = 200.0  # mph; the car's own is 30: what is above this is no speed
+
+
+class BadTelemetry(ValueError):
+    """A telemetry that cannot be driven by; the message says why."""
+
+
+@dataclass(frozen=True)
+class Telemetry:
+    """What the simulator says about the car.
+
+    Attributes:
+        frame: centre camera, 160x320x3 uint8 RGB.
+        jpeg: the same picture as it came.
+        speed: mph.
+        steering: -1..1 (the wire has degrees), what the car does now; 0 if it did not say.
+        throttle: 0..1; 0 if it did not say.
+        commas: whether its numbers have decimal commas.
+    """
+
+    frame: Frame
+    jpeg: bytes
+    speed: float
+    steering: float
+    throttle: float
+    commas: bool
+
+
+def parse_telemetry(data: Any) -> Telemetry:
+    """Read the argument of a telemetry event.
+
+    Raises:
+        BadTelemetry: a field is missing, of another type, not finite or absurd, or the picture is damaged.
+    """
+    if not isinstance(data, dict):
+        raise BadTelemetry(f"telemetry is a {type(data).__name__}, not an object")
+    speed = _number(data, "speed")
+    if not 0 <= speed <= TOP_SPEED:
+        raise BadTelemetry(f"speed {speed:g} mph is absurd")
+    jpeg = _jpeg(data)
+    frame = decode_frame(np.frombuffer(jpeg, np.uint8))
+    if frame is None:
+        raise BadTelemetry("its picture is damaged")
+    steering, throttle = _number(data, "steering_angle", "0") / 25, _number(data, "throttle", "0")
+    return Telemetry(frame, jpeg, speed, steering, throttle, uses_commas(data))
+
+
+def uses_commas(data: Any) -> bool:
+    """Whether the numbers of a telemetry have decimal commas."""
+    return isinstance(data, dict) and any(
+        isinstance(data.get(name), str) and re.fullmatch(r"\s*-?\d+,\d+(E-?\d+)?\s*", data[name], re.IGNORECASE)
+        for name in ("speed", "steering_angle", "throttle")
+    )
+
+
+def _number(data: dict[str, Any], name: str, default: str | None = None) -> float:
+    value = data.get(name, default)
+    try:
+        number = float(str(value).replace(",", "."))
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise BadTelemetry(f"its {name} is {str(value)[:40]!r}")
+    return number
+
+
+def _jpeg(data: dict[str, Any]) -> bytes:
+    image = data.get("image")
+    if not isinstance(image, str) or not image:
+        raise BadTelemetry("it has no picture")
+    try:
+        return base64.b64decode(image, validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise BadTelemetry("its picture is not base64") from error
+
+
+def steer_message(steering: float, throttle: float, *, commas: bool) -> dict[str, str]:
+    """The argument of a steer event: both values within -1..1, finite, as strings.
+
+    A value that is not finite becomes 0: on the wire it would end the simulator's loop for good.
+    """
+    texts = (f"{_bounded(value):.6f}" for value in (steering, throttle))
+    angle, pedal = (text.replace(".", ",") if commas else text for text in texts)
+    return {"steering_angle": angle, "throttle": pedal}
+
+
+def _bounded(value: float) -> float:
+    return min(max(value, -1.0), 1.0) if math.isfinite(value) else 0.0

@@ -1,0 +1,1 @@
+"""The networks, their file model.pt, and what they look at."""

@@ -1,0 +1,78 @@
+"""What the network looked at: VisualBackProp (Bojarski et al., arXiv 1611.05418)."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from pilot.camera import COLUMNS, ROWS
+from pilot.data.frames import Frame
+from pilot.model.networks import SteeringNetwork
+
+SPATIAL = (nn.Conv2d, nn.MaxPool2d, nn.AvgPool2d)
+
+
+def saliency(network: SteeringNetwork, frame: Frame) -> NDArray[np.float32]:
+    """How much each pixel of a 160x320x3 uint8 RGB frame contributed: 160x320, 0..1.
+
+    The feature maps that enter each layer are averaged over their channels; from the last layer to
+    the first, the relevance found so far is spread back over what each unit has seen, and multiplied
+    with the average there. So a pixel counts where all layers agree that there is something.
+    """
+    entering: list[tuple[nn.Module, Tensor]] = []
+
+    def note(layer: nn.Module, inputs: tuple[Any, ...], _output: Tensor) -> None:
+        entering.append((layer, inputs[0].clone()))  # later layers may work in place
+
+    hooks = [layer.register_forward_hook(note) for layer in network.modules() if isinstance(layer, SPATIAL)]
+    try:
+        with torch.inference_mode():
+            network(torch.from_numpy(np.ascontiguousarray(frame)[None]))
+            relevance = _spread_back(entering)
+    finally:
+        for hook in hooks:
+            hook.remove()
+    return _into_frame(relevance, network)
+
+
+def _spread_back(entering: list[tuple[nn.Module, Tensor]]) -> Tensor:
+    """Relevance (rows x columns) at the first layer's input."""
+    relevance = torch.ones(())
+    for number, (layer, maps) in reversed(list(enumerate(entering))):
+        average = maps.relu().mean(1, keepdim=True)
+        seen = average.shape[-2:]
+        spread = relevance if relevance.dim() == 0 else _spread(layer, relevance, seen)
+        relevance = spread * average if number else spread  # the pixels themselves do not count
+        relevance = relevance / relevance.amax().clamp_min(1e-12)
+    return relevance[0, 0] if relevance.dim() else torch.ones(1, 1)
+
+
+def _spread(layer: nn.Module, relevance: Tensor, size: torch.Size) -> Tensor:
+    """Spread relevance over the fields that the layer's units see: a transposed convolution with ones."""
+    kernel, stride, padding = (_pair(getattr(layer, name)) for name in ("kernel_size", "stride", "padding"))
+    spread = functional.conv_transpose2d(relevance, torch.ones(1, 1, *kernel), stride=stride, padding=padding)
+    missing = (size[0] - spread.shape[-2], size[1] - spread.shape[-1])  # rows that a stride left over
+    return functional.pad(spread, (0, missing[1], 0, missing[0]))
+
+
+def _pair(value: int | tuple[int, int]) -> tuple[int, int]:
+    return (value, value) if isinstance(value, int) else value
+
+
+def _into_frame(relevance: Tensor, network: SteeringNetwork) -> NDArray[np.float32]:
+    (top, bottom), (left, right) = network.rows, network.columns
+    whole = np.zeros((ROWS, COLUMNS), np.float32)
+    size = (right - left, bottom - top)
+    whole[top:bottom, left:right] = cv2.resize(relevance.numpy(), size, interpolation=cv2.INTER_LINEAR)
+    return whole / max(float(whole.max()), 1e-12)
+
+
+def overlay(frame: Frame, relevance: NDArray[np.float32]) -> Frame:
+    """The frame with relevant pixels glowing green."""
+    glow = np.zeros_like(frame)
+    glow[..., 1] = (255 * np.sqrt(relevance)).astype(np.uint8)
+    return np.asarray(cv2.addWeighted(frame, 0.75, glow, 0.9, 0), np.uint8)

@@ -1,0 +1,126 @@
+"""The car's three cameras, drawn without display or GPU."""
+
+import functools
+import math
+
+import numpy as np
+from panda3d.core import (
+    Camera,
+    FrameBufferProperties,
+    GraphicsEngine,
+    GraphicsOutput,
+    GraphicsPipe,
+    GraphicsPipeSelection,
+    LMatrix4f,
+    NodePath,
+    PerspectiveLens,
+    Texture,
+    WindowProperties,
+    load_prc_file_data,
+)
+
+from pilot.camera import (
+    AHEAD_OF_REAR_AXLE,
+    CAMERA_OFFSETS,
+    COLUMNS,
+    FOCAL_LENGTH,
+    HEIGHT,
+    ROWS,
+    Matrix,
+    camera_rotation,
+)
+from pilot.data.frames import Frame
+from pilot.simulator.drive import Drive
+from pilot.simulator.rendering.bonnet import add_bonnet
+from pilot.simulator.rendering.scene import Scene
+
+NEAR, FAR = 0.4, 1200.0
+
+load_prc_file_data("", """
+    audio-library-name null
+    sync-video 0
+    notify-level-device fatal
+    garbage-collect-states 0
+""")
+
+
+@functools.cache
+def _engine() -> tuple[GraphicsEngine, GraphicsPipe]:
+    pipe = GraphicsPipeSelection.get_global_ptr().make_pipe("TinyOffscreenGraphicsPipe", "p3tinydisplay")
+    return GraphicsEngine.get_global_ptr(), pipe
+
+
+class Renderer:
+    """Draws what a car's cameras see.
+
+    Attributes:
+        cameras: names of the cameras, of left, center and right.
+    """
+
+    def __init__(self, scene: Scene, cameras: tuple[str, ...] = ("center",)) -> None:
+        self.scene, self.cameras = scene, cameras
+        self._engine, pipe = _engine()
+        size = WindowProperties.size(COLUMNS * len(cameras), ROWS)
+        depth = FrameBufferProperties()
+        depth.set_rgb_color(True)
+        depth.set_depth_bits(24)
+        self._output: GraphicsOutput = self._engine.make_output(
+            pipe, "cameras", 0, depth, size, GraphicsPipe.BF_refuse_window)
+        self._output.set_clear_color((*(value / 255 for value in scene.light.sky), 1))
+        self._picture = Texture("cameras")
+        self._output.add_render_texture(self._picture, GraphicsOutput.RTM_copy_ram)
+        self._nodes = [self._add_camera(number) for number in range(len(cameras))]
+
+    def _add_camera(self, number: int) -> NodePath:
+        lens = PerspectiveLens()
+        lens.set_film_size(COLUMNS, ROWS)
+        lens.set_focal_length(FOCAL_LENGTH)
+        lens.set_near_far(NEAR, FAR)
+        camera = Camera(self.cameras[number], lens)
+        node = self.scene.root.attach_new_node(camera)
+        width = 1 / len(self.cameras)
+        self._output.make_display_region(number * width, (number + 1) * width, 0, 1).set_camera(node)
+        return node
+
+    def render(self, x: float, y: float, z: float, heading: float, slope: float = 0.0) -> dict[str, Frame]:
+        """What the cameras see: 160x320x3 uint8 RGB each.
+
+        Args:
+            x, y, z: metres, the middle of the car's rear axle, on the ground.
+            heading: radians, compass.
+            slope: rise over run of the ground under the car.
+        """
+        for name, node in zip(self.cameras, self._nodes, strict=True):
+            pose = camera_pose(x, y, z, heading, slope, offset=CAMERA_OFFSETS[name])
+            node.set_mat(LMatrix4f(*pose.ravel()))
+        self.scene.sky.set_pos(x, y, z + HEIGHT)
+        self._engine.render_frame()
+        image = np.frombuffer(memoryview(self._picture.get_ram_image_as("RGB")), np.uint8)
+        strip = image.reshape(ROWS, COLUMNS * len(self.cameras), 3)[::-1]
+        frames = {}
+        for number, name in enumerate(self.cameras):
+            frame = strip[:, number * COLUMNS : (number + 1) * COLUMNS].copy()
+            frames[name] = add_bonnet(frame, name, self.scene.light)
+        return frames
+
+    def render_drive(self, drive: Drive) -> dict[str, Frame]:
+        """What the cameras of a car on its road see: 160x320x3 uint8 RGB each."""
+        car = drive.car
+        return self.render(car.x, car.y, self.scene.ground(drive), car.heading, drive.slope)
+
+    def close(self) -> None:
+        """Free the buffer."""
+        self._engine.remove_window(self._output)
+
+
+def camera_pose(x: float, y: float, z: float, heading: float, slope: float, *, offset: float) -> Matrix:
+    """A camera's pose as Panda3D wants it (4x4: its right, forward and up axis and its position, as rows)."""
+    pitch = math.atan(slope)
+    forward = np.array([math.sin(heading) * math.cos(pitch), math.cos(heading) * math.cos(pitch), math.sin(pitch)])
+    right = np.array([math.cos(heading), -math.sin(heading), 0.0])
+    up = np.cross(right, forward)
+    axes = camera_rotation() @ np.stack([right, -up, forward])  # right, down and forward of the tilted camera
+    pose = np.eye(4)
+    pose[0, :3], pose[1, :3], pose[2, :3] = axes[0], axes[2], -axes[1]
+    pose[3, :3] = np.array([x, y, z]) + AHEAD_OF_REAR_AXLE * forward + HEIGHT * up + offset * right
+    return pose

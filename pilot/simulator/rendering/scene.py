@@ -1,0 +1,200 @@
+"""A course as a Panda3D scene. Panda3D draws in software here: no shaders, so the light is baked."""
+
+import functools
+from typing import get_args
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from panda3d.core import (
+    Geom,
+    GeomNode,
+    GeomTriangles,
+    GeomVertexArrayFormat,
+    GeomVertexData,
+    GeomVertexFormat,
+    InternalName,
+    NodePath,
+    SamplerState,
+    Texture,
+    TextureStage,
+    TransparencyAttrib,
+)
+
+from pilot.simulator.course import LIGHTS, Course, Light, Plant
+from pilot.simulator.drive import Drive
+from pilot.simulator.rendering.land import grow_plants, land_meshes, plant_mesh
+from pilot.simulator.rendering.lightmap import LightMap, bake_light
+from pilot.simulator.rendering.mesh import Mesh, join
+from pilot.simulator.rendering.road import road_meshes
+from pilot.simulator.rendering.terrain import LEVEL_BESIDE, Terrain, make_terrain
+from pilot.simulator.rendering.textures import panorama, plant, surface
+
+SKY_RADIUS = 600.0
+SKY_TOP, SKY_BOTTOM = 35.0, -35.0 / 3  # degrees above the horizon
+
+
+class Scene:
+    """What there is to be seen of a course.
+
+    Attributes:
+        root: the scene graph.
+        sky: the part of it that goes along with the camera.
+        terrain: heights of the ground.
+    """
+
+    def __init__(self, course: Course, light: str | None = None) -> None:
+        """Build the scene.
+
+        Args:
+            course: the road and its surroundings.
+            light: a key of LIGHTS, or None for the course's own.
+        """
+        self.light: Light = LIGHTS[light or course.light]
+        self.terrain: Terrain = make_terrain(course)
+        plants = grow_plants(course, self.terrain)
+        shine = bake_light(self.terrain, plants, self.light, course.look.tree)
+        self.root = NodePath("course")
+        # drawn in the order they were made: else memory addresses decide which of two equally near pixels wins
+        self.root.set_bin("unsorted", 0)
+        solid = _lit(self.root.attach_new_node("solid"), shine)
+        for mesh in join([*land_meshes(course, self.terrain), *road_meshes(course)]):
+            _attach(solid, mesh, shine)
+        trees = self.root.attach_new_node("plants")
+        trees.set_transparency(TransparencyAttrib.M_binary)
+        trees.set_two_sided(True)
+        mesh = plant_mesh(course, plants, shine.light_at(plants.points))
+        _attach(trees, mesh, None)
+        self.sky = _sky(self.light, course)
+        self.sky.reparent_to(self.root)
+
+    def ground(self, drive: Drive) -> float:
+        """Height (metres) of the ground under a car: of the road, and some metres beside it of the land."""
+        beside = abs(drive.where.offset) - drive.where.half_width - LEVEL_BESIDE
+        if beside <= 0:
+            return drive.where.height
+        land = float(self.terrain.sample(self.terrain.heights, np.array([[drive.car.x, drive.car.y]]))[0])
+        return drive.where.height + (land - drive.where.height) * min(beside / 2.0, 1.0)
+
+
+def _lit(node: NodePath, shine: LightMap) -> NodePath:
+    """Have everything below a node multiplied with the light map."""
+    stage = TextureStage("light")
+    stage.set_mode(TextureStage.M_modulate)
+    stage.set_sort(10)
+    stage.set_texcoord_name("light")
+    node.set_texture(stage, _clamped(_to_texture("light", shine.picture)))
+    return node
+
+
+@functools.cache
+def _texture(name: str) -> Texture:
+    """The picture of a surface or plant, the same for all scenes."""
+    if name in get_args(Plant):
+        texture = _clamped(_to_texture(name, plant(name)[::-1]))
+        texture.set_minfilter(SamplerState.FT_linear)  # smaller ones would blur into columns
+        return texture
+    return _to_texture(name, surface(name))
+
+
+def _clamped(texture: Texture) -> Texture:
+    """The texture, ending at its borders instead of being repeated."""
+    texture.set_wrap_u(SamplerState.WM_clamp)
+    texture.set_wrap_v(SamplerState.WM_clamp)
+    return texture
+
+
+def _to_texture(name: str, picture: NDArray[np.uint8]) -> Texture:
+    """A texture from an RGB or RGBA picture whose first row is its bottom."""
+    height, width, channels = picture.shape
+    texture = Texture(name)
+    texture.setup_2d_texture(width, height, Texture.T_unsigned_byte, Texture.F_rgb if channels == 3 else Texture.F_rgba)
+    # as Panda3D keeps it; having it reorder the colours takes ten times as long
+    texture.set_ram_image(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR if channels == 3 else cv2.COLOR_RGBA2BGRA))
+    texture.set_minfilter(SamplerState.FT_linear_mipmap_linear)
+    texture.set_magfilter(SamplerState.FT_linear)
+    return texture
+
+
+# Geometry
+
+
+def _vertex_format(*, lit: bool) -> GeomVertexFormat:
+    array = GeomVertexArrayFormat()
+    array.add_column(InternalName.get_vertex(), 3, Geom.NT_float32, Geom.C_point)
+    array.add_column(InternalName.get_color(), 4, Geom.NT_uint8, Geom.C_color)
+    array.add_column(InternalName.get_texcoord(), 2, Geom.NT_float32, Geom.C_texcoord)
+    if lit:
+        array.add_column(InternalName.get_texcoord_name("light"), 2, Geom.NT_float32, Geom.C_texcoord)
+    vertices = GeomVertexFormat()
+    vertices.add_array(array)
+    return GeomVertexFormat.register_format(vertices)
+
+
+def _attach(parent: NodePath, mesh: Mesh, shine: LightMap | None) -> None:
+    """Add a mesh below a node, in chunks."""
+    texture = _texture(mesh.texture)
+    for chunk in mesh.chunks():
+        node = GeomNode(mesh.texture)
+        node.add_geom(to_geom(chunk, shine))
+        path = parent.attach_new_node(node)
+        path.set_texture(texture)
+
+
+def to_geom(mesh: Mesh, shine: LightMap | None) -> Geom:
+    """A mesh as Panda3D takes it; `shine`, if any, gives its second texture coordinates."""
+    columns = [("vertex", np.float32, 3), ("color", np.uint8, 4), ("texcoord", np.float32, 2)]
+    columns += [("light", np.float32, 2)] if shine else []
+    corners = mesh.corners.reshape(-1, 3)
+    vertices = np.zeros(len(corners), np.dtype(columns))
+    vertices["vertex"] = corners
+    vertices["color"][:, :3] = mesh.colours.reshape(-1, 3).clip(0, 255)
+    vertices["color"][:, 3] = 255
+    # near zero: large texture coordinates lose digits
+    texels = mesh.texels - np.floor(mesh.texels.min(axis=(0, 1)))
+    vertices["texcoord"] = texels.reshape(-1, 2)
+    if shine:
+        vertices["light"] = shine.texels(corners)
+    # neighbours share their corners, so that the renderer computes each once
+    _, kept, numbers = np.unique(vertices.view(f"V{vertices.itemsize}"), return_index=True, return_inverse=True)
+    data = GeomVertexData("mesh", _vertex_format(lit=shine is not None), Geom.UH_static)
+    data.unclean_set_num_rows(len(kept))
+    data.modify_array_handle(0).copy_data_from(vertices[kept].tobytes())
+    indices = numbers.reshape(-1, 4)[:, [0, 1, 2, 0, 2, 3]].astype(np.uint32)
+    triangles = GeomTriangles(Geom.UH_static)
+    triangles.set_index_type(Geom.NT_uint32)
+    array = triangles.modify_vertices()
+    array.unclean_set_num_rows(indices.size)
+    array.modify_handle().copy_data_from(indices.tobytes())
+    geom = Geom(data)
+    geom.add_primitive(triangles)
+    return geom
+
+
+# Sky
+
+
+def _sky(light: Light, course: Course) -> NodePath:
+    """A cylinder around the camera with sky and far hills."""
+    angles = np.linspace(0, 2 * np.pi, 49)
+    ring = SKY_RADIUS * np.column_stack([np.sin(angles), np.cos(angles)])
+    low, high = SKY_RADIUS * np.tan(np.radians(SKY_BOTTOM)), SKY_RADIUS * np.tan(np.radians(SKY_TOP))
+    bottom = np.column_stack([ring, np.full(49, low)])
+    top = np.column_stack([ring, np.full(49, high)])
+    corners = np.stack([bottom[:-1], bottom[1:], top[1:], top[:-1]], axis=1)
+    part = angles / (2 * np.pi)
+    across = np.stack([part[:-1], part[1:], part[1:], part[:-1]], axis=1)
+    texels = np.stack([across, np.broadcast_to([0.0, 0, 1, 1], across.shape)], axis=2)
+    mesh = Mesh("sky", corners, np.full(corners.shape, 255.0), texels)
+    node = GeomNode("sky")
+    node.add_geom(to_geom(mesh, None))
+    sky = NodePath(node)
+    picture = panorama(light, course.look.grass, course.seed)[::-1]
+    texture = _to_texture("sky", picture)
+    texture.set_wrap_v(SamplerState.WM_clamp)
+    sky.set_texture(texture)
+    sky.set_two_sided(True)
+    sky.set_bin("background", 0)
+    sky.set_depth_write(False)
+    sky.set_depth_test(False)
+    return sky

@@ -1,0 +1,133 @@
+"""The land around a road: a grid of heights and colours that leaves the road lying on it."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pilot.simulator.course import DIRT, Course, Roadside
+from pilot.simulator.rendering.noise import smooth_noise
+from pilot.simulator.track import Array
+
+CELL = 4.0  # metres between two points of the grid
+MARGIN = 110.0  # metres of land around the outermost road
+LEVEL_BESIDE = 3.0  # metres beside the road that are as high as it
+BELOW_ROAD = 0.3  # metres that the land lies under the road, which is a surface of its own
+RISE: dict[Roadside, tuple[float, float]] = {  # metres up, and how far from the road that is reached
+    "hill": (7.0, 32.0), "cliff": (11.0, 8.0), "drop": (-9.0, 14.0), "water": (-5.0, 14.0), "bridge": (-5.0, 4.0),
+    "grove": (1.5, 30.0), "dirt": (0.0, 10.0),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """Heights and colours on a grid.
+
+    Attributes:
+        west, south: metres, where its first point lies.
+        heights: rows x columns, metres; rows go north, columns east.
+        colours: rows x columns x 3, RGB, 0..255.
+        beyond: rows x columns, metres from the road's edge; negative on the road.
+    """
+
+    west: float
+    south: float
+    heights: Array
+    colours: Array
+    beyond: Array
+
+    @property
+    def grid(self) -> Array:
+        """Where its points lie: rows x columns x 2, metres."""
+        rows, columns = self.heights.shape
+        return np.dstack(np.meshgrid(self.west + CELL * np.arange(columns), self.south + CELL * np.arange(rows)))
+
+    @property
+    def corner(self) -> Array:
+        """Its southwestern corner, metres."""
+        return np.array([self.west, self.south])
+
+    @property
+    def size(self) -> Array:
+        """Its extent to the east and to the north, metres."""
+        rows, columns = self.heights.shape
+        return CELL * np.array([columns - 1, rows - 1])
+
+    def sample(self, field: Array, points: Array) -> Array:
+        """A field's values at points (n x 2, metres), between the grid's points by bilinear interpolation."""
+        columns = ((points[:, 0] - self.west) / CELL).astype(np.float32)
+        rows = ((points[:, 1] - self.south) / CELL).astype(np.float32)
+        sampled = cv2.remap(field.astype(np.float32), columns[None], rows[None], cv2.INTER_LINEAR,
+                            borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(sampled[0], float)
+
+
+def make_terrain(course: Course) -> Terrain:
+    """The land of a course; always the same for the same course."""
+    low = course.track.points[:, :2].min(0) - MARGIN
+    shape = np.ceil((course.track.points[:, :2].max(0) + MARGIN - low) / CELL).astype(int) + 1
+    east, north = np.meshgrid(low[0] + CELL * np.arange(shape[0]), low[1] + CELL * np.arange(shape[1]))
+    random = np.random.default_rng([course.seed, 1])
+    near = Nearest(course, np.stack([east, north], axis=-1))
+    heights = _heights(course, near, random)
+    return Terrain(float(low[0]), float(low[1]), heights, _colours(course, near, heights, random), near.beyond)
+
+
+class Nearest:
+    """For each of some points: the nearest of the road's points, and how far beyond the edge it lies.
+
+    Attributes:
+        distance: metres from the road's middle. beyond: metres from its edge, negative on the road.
+        road: metres, height of the road there.
+    """
+
+    def __init__(self, course: Course, points: Array) -> None:
+        """Search for points (... x 2, metres)."""
+        self._course, track = course, course.track
+        self.distance, self._index = track.tree.query(points)
+        heading = track.headings[self._index]
+        away = points - track.points[self._index, :2]
+        self._right: NDArray[np.bool_] = away[..., 0] * np.cos(heading) - away[..., 1] * np.sin(heading) > 0
+        self.beyond = self.distance - track.half_widths[self._index]
+        self.road = track.points[self._index, 2]
+
+    def weight(self, kind: Roadside) -> Array:
+        """How much of a kind of roadside there is at each point, 0..1."""
+        left, right = self._course.weight(kind, -1), self._course.weight(kind, 1)
+        return np.asarray(np.where(self._right, right[self._index], left[self._index]))
+
+
+def _heights(course: Course, near: Nearest, random: np.random.Generator) -> Array:
+    rows, columns = near.beyond.shape
+    rolling = smooth_noise(random, rows, columns, 5) + 0.5
+    heights = near.road + course.look.relief * rolling * _smoothstep(near.beyond, 8, 60)
+    for kind, (rise, reached) in RISE.items():
+        height = rise * (1 + 0.35 * smooth_noise(random, rows, columns, 14, 2))
+        heights += near.weight(kind) * height * _smoothstep(near.beyond, LEVEL_BESIDE, LEVEL_BESIDE + reached)
+    # where two stretches of road share the land between them it must not break off in the middle
+    soft = cv2.GaussianBlur(heights, (0, 0), 3.0)
+    heights += (soft - heights) * _smoothstep(near.beyond, 6, 25)
+    return np.asarray(np.where(near.beyond < LEVEL_BESIDE, np.minimum(heights, near.road) - BELOW_ROAD, heights))
+
+
+def _colours(course: Course, near: Nearest, heights: Array, random: np.random.Generator) -> Array:
+    rows, columns = heights.shape
+    look = course.look
+    grass, dry, rock = (np.array(colour, float) for colour in (look.grass, look.dry, look.rock))
+    patches = _smoothstep(smooth_noise(random, rows, columns, 24), -0.2, 0.8)[..., None]
+    colours = grass + (dry - grass) * patches
+    bare = near.weight("dirt") * _smoothstep(-near.beyond, -26, -14)
+    colours += (np.array(DIRT) - colours) * bare[..., None]
+    down, across = np.gradient(heights, CELL)
+    steep = _smoothstep(np.hypot(down, across), 0.35, 0.8)
+    colours += (rock - colours) * steep[..., None]
+    if course.water is not None:
+        shore = _smoothstep(-heights, -course.water - 1.2, -course.water)
+        colours += (np.array([196, 178, 136]) - colours) * shore[..., None]
+    return np.asarray((colours * (1 + 0.12 * smooth_noise(random, rows, columns, 50, 2))[..., None]).clip(0, 255))
+
+
+def _smoothstep(value: Array, start: float, end: float) -> Array:
+    part = ((value - start) / (end - start)).clip(0, 1)
+    return np.asarray(part * part * (3 - 2 * part))

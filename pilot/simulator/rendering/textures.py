@@ -1,0 +1,121 @@
+"""Pictures for the simulator's surfaces, made by code: nothing is downloaded."""
+
+import functools
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pilot.simulator.course import Light
+from pilot.simulator.rendering.noise import smooth_noise
+
+Picture = NDArray[np.uint8]
+
+SIZE = 256  # pixels; a power of two, as the renderer needs it
+MEAN = 0.72  # brightness of a surface's texture, which its colour is multiplied with
+
+
+@functools.cache
+def surface(name: str) -> Picture:
+    """A tile (256x256x3) of asphalt, cobbles, concrete, ground or rock; grey, to be coloured."""
+    random = np.random.default_rng([sum(name.encode())])
+    makers = {"asphalt": _asphalt, "tarmac": _tarmac, "cobbles": _cobbles, "concrete": _concrete, "ground": _ground}
+    grey = makers[name](random)
+    return np.repeat((255 * grey.clip(0, 1)).astype(np.uint8)[:, :, None], 3, axis=2)
+
+
+def _asphalt(random: np.random.Generator) -> NDArray[np.float64]:
+    grains = random.normal(0, 0.3, (SIZE, SIZE))
+    stones = (random.uniform(size=(SIZE, SIZE)) > 0.98) * 0.9
+    return MEAN + cv2.GaussianBlur(grains + stones, (0, 0), 1.3) + 0.1 * smooth_noise(random, SIZE, SIZE, 12)
+
+
+def _tarmac(random: np.random.Generator) -> NDArray[np.float64]:
+    grains = cv2.GaussianBlur(random.normal(0, 0.12, (SIZE, SIZE)), (0, 0), 0.9)
+    return MEAN + grains + 0.05 * smooth_noise(random, SIZE, SIZE, 5)
+
+
+def _concrete(random: np.random.Generator) -> NDArray[np.float64]:
+    return 0.8 + 0.05 * smooth_noise(random, SIZE, SIZE, 10) + random.normal(0, 0.02, (SIZE, SIZE))
+
+
+def _ground(random: np.random.Generator) -> NDArray[np.float64]:
+    blades = cv2.GaussianBlur(random.normal(0, 0.35, (SIZE, SIZE)), (0, 0), 1.2)
+    return MEAN + blades + 0.16 * smooth_noise(random, SIZE, SIZE, 5)
+
+
+def _cobbles(random: np.random.Generator) -> NDArray[np.float64]:
+    """Bricks in rows, each of its own brightness."""
+    grey = np.full((SIZE, SIZE), 0.4)
+    for row in range(8):
+        for column in range(-1, 5):
+            left, top = column * 64 + 32 * (row % 2), row * 32
+            grey[top + 2 : top + 30, max(left + 2, 0) : max(left + 62, 0)] = random.uniform(0.55, 0.9)
+    return cv2.GaussianBlur(grey, (0, 0), 1.0) + 0.08 * smooth_noise(random, SIZE, SIZE, 12)
+
+
+@functools.cache
+def plant(kind: str) -> Picture:
+    """A tree or boulder seen from the side, 128x128x4 RGBA; transparent around it."""
+    random = np.random.default_rng([sum(kind.encode())])
+    picture = np.zeros((4 * 128, 4 * 128, 4), np.uint8)
+    {"pine": _pine, "palm": _palm, "boulder": _boulder}[kind](picture, random)
+    small = cv2.resize(picture, (128, 128), interpolation=cv2.INTER_AREA)
+    seen = small[:, :, 3:4] > 127
+    mean = picture[picture[:, :, 3] > 0, :3].mean(0)  # also where nothing is: it shines through at the borders
+    colours = np.where(small[:, :, 3:4] > 0, small[:, :, :3] * (255 / np.maximum(small[:, :, 3:4], 1)), mean)
+    return np.dstack([colours.clip(0, 255).astype(np.uint8), 255 * seen.astype(np.uint8)])
+
+
+def _pine(picture: Picture, random: np.random.Generator) -> None:
+    cv2.rectangle(picture, (248, 200), (264, 511), (92, 72, 52, 255), -1)
+    for _ in range(170):
+        height = random.uniform(0.02, 0.72)
+        reach = 30 + 130 * height**0.7
+        at = (int(256 + random.uniform(-reach, reach) * 0.8), int(512 * height))
+        shade = random.uniform(0.6, 1.25)
+        colour = (int(92 * shade), int(98 * shade), int(52 * shade), 255)
+        cv2.ellipse(picture, at, (int(random.uniform(22, 46)), int(random.uniform(8, 18))),
+                    random.uniform(-20, 20), 0, 360, colour, -1)
+
+
+def _palm(picture: Picture, random: np.random.Generator) -> None:
+    stem = np.array([[250, 150], [262, 260], [256, 380], [248, 511], [268, 511], [276, 380], [278, 260], [264, 150]])
+    cv2.fillPoly(picture, [stem], (96, 82, 58, 255))
+    for angle in np.linspace(-2.9, -0.2, 11):
+        shade = random.uniform(0.7, 1.2)
+        length = random.uniform(170, 235)
+        steps = np.linspace(0, 1, 12)
+        leaf = np.column_stack([256 + length * steps * np.cos(angle),
+                                150 + length * steps * np.sin(angle) * 0.6 + 190 * steps**2.2]).astype(np.int32)
+        cv2.polylines(picture, [leaf], isClosed=False, color=(int(70 * shade), int(98 * shade), int(40 * shade), 255),
+                      thickness=26)
+
+
+def _boulder(picture: Picture, random: np.random.Generator) -> None:
+    outline = np.array([[10, 511], [30, 330], [110, 210], [215, 110], [330, 130], [420, 230], [480, 360], [505, 511]])
+    cv2.fillPoly(picture, [outline], (140, 132, 122, 255))
+    faces = (([[10, 511], [30, 330], [110, 210], [160, 360], [130, 511]], 0.7), ([[110, 210], [215, 110], [250, 240],
+             [160, 360]], 1.1), ([[330, 130], [420, 230], [480, 360], [505, 511], [360, 511], [300, 320]], 0.82))
+    for face, shade in faces:
+        cv2.fillPoly(picture, [np.array(face)], (int(140 * shade), int(132 * shade), int(122 * shade), 255))
+    grain = (1 + 0.18 * smooth_noise(random, 512, 512, 14))[:, :, None]
+    picture[:, :, :3] = (picture[:, :, :3] * grain).clip(0, 255)
+
+
+def panorama(light: Light, land: tuple[int, int, int], seed: int) -> Picture:
+    """Sky and far hazy hills all around, 256x1024x3; its lowest quarter lies below the horizon."""
+    random = np.random.default_rng([seed, 2])
+    rows = np.linspace(1, -1 / 3, 256)[:, None, None].clip(0, 1) ** 0.6  # 1 at the top, 0 at the horizon
+    sky = np.array(light.horizon) + (np.array(light.sky) - np.array(light.horizon, float)) * rows
+    picture = np.repeat(sky, 1024, axis=1)
+    clouds = (smooth_noise(random, 256, 1024, 7, 5) - 0.25).clip(0, 0.5) * (1 - np.abs(rows[:, :, 0] - 0.5)).clip(0, 1)
+    picture += (250 - picture) * clouds[:, :, None]
+    for distance in (3, 2, 1):  # from far to near, ever less of the air between
+        ridge = 192 - 22 / distance**0.3 * (1.1 + smooth_noise(random, 1, 1024, 6 * distance, 5)[0])
+        below = np.arange(256)[:, None] > ridge
+        dim = np.array(land) * (np.array(light.sun) * 0.6 + np.array(light.ambient))
+        far = dim + (np.array(light.horizon) - dim) * (0.2 + 0.18 * distance)
+        picture[below] = far
+    grain = 1 + 0.05 * random.normal(size=(256, 1024, 1)) * (np.arange(256)[:, None, None] > 165)
+    return (picture * grain).clip(0, 255).astype(np.uint8)

@@ -1,0 +1,1 @@
+"""Driving by hand in a window."""

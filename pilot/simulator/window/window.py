@@ -1,0 +1,338 @@
+"""A window onto a drive: by hand, or by whoever else moves the car."""
+
+import contextlib
+import functools
+import logging
+import math
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Protocol, Self
+
+import numpy as np
+from panda3d.core import (
+    Camera,
+    FrameBufferProperties,
+    GraphicsEngine,
+    GraphicsPipe,
+    GraphicsPipeSelection,
+    GraphicsWindow,
+    NodePath,
+    PerspectiveLens,
+    WindowProperties,
+)
+
+from pilot.camera import AHEAD_OF_REAR_AXLE, FOCAL_LENGTH, HEIGHT, PITCH, ROWS
+from pilot.data.frames import Frame
+from pilot.data.log_format import CAMERAS
+from pilot.interrupt import catch_interrupt
+from pilot.simulator.car import MPH, TICK
+from pilot.simulator.drive import Drive, State
+from pilot.simulator.recording import REAL_RATE, RecordingWriter, is_due
+from pilot.simulator.rendering.body import Body
+from pilot.simulator.rendering.renderer import FAR, NEAR
+from pilot.simulator.rendering.scene import Scene
+from pilot.simulator.simulator import Simulator
+from pilot.simulator.window.controls import Controls, HandDriving
+from pilot.simulator.window.hud import Hud
+from pilot.simulator.window.inputs import Inputs
+
+log = logging.getLogger("pilot")
+
+SIZE = (960, 540)  # pixels
+PIPES = ("pandagl", "p3tinydisplay")  # OpenGL, or else Panda3D's software renderer
+FRAME_SECONDS = TICK  # more pictures than ticks would only show the same again
+DRIVING_KEYS, RECORDING_KEYS = "Arrows/WASD drive    Mouse held steers    ", "R record    "
+KEYS = "Backspace back to road    C camera    H help    Esc quit"
+BEHIND, ABOVE = 6.5, 2.4  # metres, chase camera from the rear axle
+CLEARANCE = 1.0  # metres, that it keeps from the ground
+SWING_SECONDS = 0.35  # in which it follows the car's turns
+NO_DISPLAY = ("no window can be opened: there is no display. Without one there are `python simulator.py record` and "
+              "`python simulator.py drive --headless`; `xvfb-run` makes a display that nobody sees")
+
+
+class Control(Protocol):
+    """Whoever moves the car."""
+
+    def advance(self, seconds: float) -> None:
+        """Move it by the time (s) that has passed since the last frame."""
+
+    @property
+    def done(self) -> bool:
+        """Whether the drive is over."""
+
+
+class Capture:
+    """Records a drive while it goes on, from `start` to `stop`.
+
+    Attributes:
+        folder: it goes to.
+        message: what became of the last recording.
+    """
+
+    def __init__(self, folder: Path, look: Callable[[], dict[str, Frame]]) -> None:
+        """Prepare; nothing is written yet.
+
+        Args:
+            folder: where recordings go.
+            look: what left, center and right camera see now: 160x320x3 uint8 RGB each.
+        """
+        self.folder, self.message = folder, ""
+        self._look = look
+        self._writer: RecordingWriter | None = None
+        self._open = contextlib.ExitStack()
+        self._began: float | None = None
+
+    @property
+    def rows(self) -> int | None:
+        """Of the recording that is being made; None while there is none."""
+        return self._writer.rows if self._writer else None
+
+    def toggle(self) -> None:
+        """Start, or stop."""
+        if self._writer:
+            self.stop()
+        else:
+            self.start()
+
+    def start(self) -> None:
+        """Begin with the next tick."""
+        self.message, self._began = "", None
+        try:
+            self._writer = self._open.enter_context(RecordingWriter(self.folder))
+        except OSError as error:
+            self._say(f"cannot record: {error}")
+
+    def stop(self) -> None:
+        """End the recording, if there is one."""
+        if self._writer:
+            rows, self._writer = self._writer.rows, None
+            try:
+                self._open.close()
+                self._say(f"{rows} moments recorded into {self.folder}")
+            except OSError as error:  # what was held back for writing has no room
+                self._say(f"the recording's end is lost: {error}")
+
+    def add(self, state: State) -> None:
+        """Once per tick: write a row if one is due."""
+        if not self._writer:
+            return
+        self._began = state.time if self._began is None else self._began
+        seconds = state.time - self._began
+        if not is_due(round(seconds / TICK), REAL_RATE):
+            return
+        try:
+            self._writer.write(self._look(), seconds, (state.steering, state.throttle), state.speed)
+        except OSError as error:  # a full disk ends the recording, not the drive
+            self.stop()
+            self._say(f"the recording has ended: {error}")
+
+    def _say(self, message: str) -> None:
+        self.message = message
+        log.info("%s", message)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_error: Any) -> None:
+        self.stop()
+
+
+class Window:
+    """Shows a drive, from the driver's place or from behind.
+
+    Attributes:
+        drive: what is shown.
+        controls: keys, mouse and gamepad as they are held now.
+        note: a message on the screen.
+        behind: whether it is seen from behind.
+        output: Panda3D's window.
+    """
+
+    def __init__(self, drive: Drive, scene: Scene, capture: Capture | None = None, *,
+                 title: str = "simulator", size: tuple[int, int] = SIZE) -> None:
+        """Open the window.
+
+        Args:
+            drive: the car on its road.
+            scene: what there is to be seen of the road.
+            capture: what R starts and stops; without it R does nothing.
+            title: of the window.
+            size: pixels, width and height; the user may change it.
+
+        Raises:
+            RuntimeError: there is no display.
+        """
+        self.drive, self.scene, self.capture = drive, scene, capture
+        self.controls, self.note, self.behind = Controls(), "", False
+        # an engine of its own: the one of the cameras draws whenever a picture is asked for
+        self._engine = GraphicsEngine()
+        self.output = _open(self._engine, title, size)
+        self._inputs = Inputs(self.output, self.controls)
+        self._hud = Hud(self.output)
+        self._world = NodePath("world")
+        scene.root.instance_to(self._world)  # so that the cameras, which look at the scene, do not see the car
+        self._body = Body(scene.light)
+        self._body.root.reparent_to(self._world)
+        self._lens = PerspectiveLens()
+        self._camera = self._world.attach_new_node(Camera("window", self._lens))
+        self._add_view()
+        self._heading, self._travelled = drive.car.heading, 0.0
+        self._quit = False
+
+    def _add_view(self) -> None:
+        self._lens.set_near_far(NEAR, FAR)
+        self.output.set_clear_color((*(value / 255 for value in self.scene.light.sky), 1))
+        self.output.make_display_region().set_camera(self._camera)
+        self._aspect = 0.0
+
+    # The loop
+
+    def run(self, control: Control) -> None:
+        """Show the drive until its end, Escape, the window's closing or Ctrl-C."""
+        self._hud.keys = ((DRIVING_KEYS if isinstance(control, HandDriving) else "")
+                          + (RECORDING_KEYS if self.capture else "") + KEYS)
+        then = time.monotonic()
+        with catch_interrupt() as interrupt:
+            while not (self._quit or interrupt.asked or control.done):
+                time.sleep(max(then + FRAME_SECONDS - time.monotonic(), 0.0))
+                then, before = time.monotonic(), then
+                control.advance(then - before)
+                self.draw(then - before)
+                self.handle_keys()
+
+    def handle_keys(self) -> None:
+        """Do what the keys pressed since the last call ask for."""
+        actions = {"r": self._record, "backspace": self.drive.put_back, "c": self._change_camera,
+                   "h": self._toggle_help, "escape": self._end}
+        for key in self._inputs.poll():
+            if key in actions:
+                actions[key]()
+        if self.output.is_closed():
+            self._end()
+
+    def _record(self) -> None:
+        if self.capture:
+            self.capture.toggle()
+
+    def _change_camera(self) -> None:
+        self.behind = not self.behind
+
+    def _toggle_help(self) -> None:
+        self._hud.help = not self._hud.help
+
+    def _end(self) -> None:
+        self._quit = True
+
+    # The picture
+
+    def draw(self, seconds: float) -> None:
+        """Draw the drive as it stands, `seconds` after the last picture."""
+        self._resize()
+        self._place_car(seconds)
+        self._place_camera(seconds)
+        rows, message = (self.capture.rows, self.capture.message) if self.capture else (None, "")
+        self._hud.show(self.drive.state, self.drive.laps, rows, message or self.note)
+        self._engine.render_frame()
+
+    def _resize(self) -> None:
+        aspect = self.output.get_x_size() / max(self.output.get_y_size(), 1)
+        if aspect != self._aspect:
+            self._aspect = aspect
+            self._lens.set_film_size(ROWS * aspect, ROWS)
+            self._lens.set_focal_length(FOCAL_LENGTH)
+            self._hud.resize(aspect)
+
+    def _place_car(self, seconds: float) -> None:
+        car, (steering, throttle) = self.drive.car, self.drive.command
+        self._travelled += car.speed * seconds
+        pitch = math.degrees(math.atan(self.drive.slope))
+        self._body.root.set_pos_hpr(car.x, car.y, self.scene.ground(self.drive), -math.degrees(car.heading), pitch, 0)
+        self._body.show(steering, self._travelled, braking=throttle < 0 and car.speed > -MPH)
+
+    def _place_camera(self, seconds: float) -> None:
+        car = self.drive.car
+        turn = (car.heading - self._heading + math.pi) % (2 * math.pi) - math.pi
+        self._heading += turn * (1 - math.exp(-seconds / SWING_SECONDS))
+        if self.behind:
+            self._place_behind()
+        else:  # where the centre camera is, but level
+            self._camera.set_pos_hpr(self._body.root, 0, AHEAD_OF_REAR_AXLE, HEIGHT, 0, -math.degrees(PITCH), 0)
+        self.scene.sky.set_pos(self._camera.get_pos())
+
+    def _place_behind(self) -> None:
+        car, terrain = self.drive.car, self.scene.terrain
+        x, y = car.x - BEHIND * math.sin(self._heading), car.y - BEHIND * math.cos(self._heading)
+        ground = float(terrain.sample(terrain.heights, np.array([[x, y]]))[0])
+        height = self._body.root.get_z()
+        self._camera.set_pos(x, y, max(height + ABOVE, ground + CLEARANCE))
+        east, north = 4.0 * math.sin(self._heading), 4.0 * math.cos(self._heading)
+        self._camera.look_at(car.x + east, car.y + north, height + 0.8)
+
+    def close(self) -> None:
+        """Close the window for good."""
+        self._engine.remove_all_windows()
+        del self._inputs, self._hud, self.output  # a window of the software renderer must not outlive its pipe
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_error: Any) -> None:
+        self.close()
+
+
+@functools.cache
+def _load_pipe(name: str) -> GraphicsPipe | None:
+    with _silence():
+        return GraphicsPipeSelection.get_global_ptr().make_module_pipe(name)
+
+
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """Keep trifles off the terminal that Panda3D's modules and Xlib write there past all log levels on loading."""
+    kept = os.dup(2)
+    with Path(os.devnull).open("w") as nowhere:
+        os.dup2(nowhere.fileno(), 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def _open(engine: GraphicsEngine, title: str, size: tuple[int, int]) -> GraphicsWindow:
+    """A window by the first renderer that can draw one."""
+    properties = WindowProperties.size(*size)
+    properties.set_title(title)
+    buffers = FrameBufferProperties()
+    buffers.set_rgb_color(True)
+    buffers.set_depth_bits(24)
+    buffers.set_back_buffers(1)  # without one nothing of OpenGL's picture need ever reach the screen
+    for pipe in filter(None, map(_load_pipe, PIPES)):
+        if pipe.is_valid():
+            output = engine.make_output(pipe, title, 0, buffers, properties, GraphicsPipe.BF_require_window)
+            engine.open_windows()
+            if output and output.is_valid():
+                return output
+            engine.remove_all_windows()
+    raise RuntimeError(NO_DISPLAY)
+
+
+def drive_by_hand(track: str, light: str | None, out: Path) -> None:
+    """Open a window and let the user drive; R records.
+
+    Args:
+        track: lake, jungle, mountain or random:SEED; with " reversed" behind, the other way round.
+        light: noon, evening or overcast; None is the track's own.
+        out: folder that R records into.
+
+    Raises:
+        ValueError: there is no such track or light.
+        RuntimeError: there is no display.
+    """
+    with Simulator(CAMERAS) as simulator:
+        simulator.reset(track, light=light)
+        with (Capture(out, simulator.look) as capture,
+              Window(simulator.drive, simulator.renderer.scene, capture, title=track) as window):
+            window.run(HandDriving(simulator.drive, window.controls, capture.add))

@@ -1,0 +1,1 @@
+"""Being driven by a server, as the real simulator is."""

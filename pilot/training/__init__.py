@@ -1,0 +1,1 @@
+"""From samples to a trained model, and how good it is."""

@@ -1,0 +1,143 @@
+"""Pictures of a training: steering histograms, the samples, the errors, the predictions."""
+
+from collections.abc import Hashable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+from pilot.camera import COLUMNS, ROWS, path_pixels
+from pilot.data.augment import (
+    AugmentConfig,
+    View,
+    brightness,
+    crop_height,
+    flip,
+    render,
+    rotate,
+    shadow,
+    shift_viewpoint,
+)
+from pilot.data.frames import Frame, read_frame
+from pilot.data.log_format import CAMERAS
+from pilot.data.samples import SampleConfig, side_steering
+from pilot.files import write_atomically
+
+matplotlib.use("Agg")  # files only: works without a display
+
+WHOLE = (0, ROWS)
+BINS = np.linspace(-1.25, 1.25, 101)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG, whole or not at all."""
+    write_atomically(path, lambda file: figure.savefig(file, format="png", dpi=110))
+
+
+def steering_histogram(recorded: ArrayLike, before: ArrayLike, after: ArrayLike, weight: ArrayLike) -> Figure:
+    """What was recorded, and the training labels before and after balancing (all -1..1)."""
+    figure = Figure((11, 4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    left.hist(np.asarray(recorded), BINS, color="tab:grey")
+    left.set(title="recorded steering", xlabel="steering (right is positive)", ylabel="moments")
+    right.hist(np.asarray(before), BINS, color="tab:grey", label="before balancing")
+    weights = np.asarray(weight)
+    right.hist(np.asarray(after), BINS, weights=weights, color="tab:blue", alpha=0.7, label="after balancing")
+    right.set(title="labels of the training pictures", xlabel="steering (right is positive)", ylabel="pictures")
+    right.legend()
+    return figure
+
+
+def sample_sheet(
+    moment: Mapping[Hashable, Any], samples: SampleConfig, augment: AugmentConfig, rows: tuple[int, int]
+) -> Figure:
+    """The cameras of one moment and every augmentation of its centre picture, each with its label.
+
+    The line is the path that the label's steering drives; what the network does not see is dimmed.
+    """
+    steering = float(moment["steering"])
+    tiles = [(f"{camera} camera", read_frame(moment[camera]), side_steering(steering, camera, samples))
+             for camera in CAMERAS if moment[camera]]
+    tiles += _augmented(read_frame(moment["center"]), steering, augment)
+    figure = Figure((12, 2.15 * -(-len(tiles) // 3)), layout="constrained")
+    axes = figure.subplots(-(-len(tiles) // 3), 3).flat
+    for axis, tile in zip(axes, tiles, strict=False):
+        _draw_tile(axis, *tile, rows)
+    for axis in list(axes)[len(tiles) :]:
+        axis.axis("off")
+    return figure
+
+
+def _augmented(frame: Frame, steering: float, config: AugmentConfig) -> list[tuple[str, Frame, float]]:
+    """Every augmentation at the end of its range (whether this training uses it or not)."""
+    plain, metres = View(steering), config.viewpoint_metres
+    heading = np.radians(config.viewpoint_degrees)
+    degrees, top, bottom = config.rotation_degrees, config.crop_top[1], config.crop_bottom[1]
+    views = {
+        "flip": flip(plain),
+        f"rotation by {degrees:g}°": rotate(plain, degrees),
+        "random height crop": crop_height(plain, top, bottom),
+        f"viewpoint {metres:g} m to the right": shift_viewpoint(plain, metres, 0, config.viewpoint_lookahead),
+        f"viewpoint {metres:g} m to the left": shift_viewpoint(plain, -metres, 0, config.viewpoint_lookahead),
+        f"viewpoint turned {config.viewpoint_degrees:g}° to the right":
+            shift_viewpoint(plain, 0, heading, config.viewpoint_lookahead),
+    }
+    dark, bright = config.brightness_range
+    shade = shadow(frame, 0.35 * COLUMNS, 0.6 * COLUMNS, True, config.shadow_range[0])
+    tiles = [(name, render(frame, view.homography, WHOLE), float(view.steering)) for name, view in views.items()]
+    return [*tiles, (f"brightness x {dark:g}", brightness(frame, dark), steering),
+            (f"brightness x {bright:g}", brightness(frame, bright), steering), ("shadow", shade, steering)]
+
+
+def _draw_tile(axis: Axes, title: str, frame: Frame, steering: float, rows: tuple[int, int]) -> None:
+    shown = frame // 2
+    shown[slice(*rows)] = frame[slice(*rows)]
+    axis.imshow(shown)
+    path = path_pixels(steering)
+    axis.plot(path[:, 0], path[:, 1], color="yellow", linewidth=2)
+    axis.set(xlim=(0, COLUMNS - 1), ylim=(ROWS - 1, 0), xticks=[], yticks=[])
+    axis.set_title(f"{title}: {steering:+.3f}", fontsize=9)
+
+
+def training_curves(history: Sequence[dict[str, float]], best_epoch: int, baseline: float) -> Figure:
+    """Errors over the epochs, with the epoch that was kept and the error of always answering the mean.
+
+    Where the epochs were driven, too, how well they drove.
+    """
+    table = pd.DataFrame(history)
+    driven = "offset" in table
+    figure = Figure((8, 7.5 if driven else 4.5), layout="constrained")
+    axes = figure.subplots(1 + driven, squeeze=False)[:, 0]
+    axes[0].plot(table["epoch"], table["training_mse"], "o-", label="training (augmented)")
+    axes[0].plot(table["epoch"], table["validation_mse"], "o-", label="validation")
+    axes[0].axhline(baseline, color="grey", linestyle="--", label="validation, always the mean")
+    axes[0].set(ylabel="mean squared error of the steering", yscale="log")
+    if driven:
+        axes[1].bar(table["epoch"], table["interventions"], color="tab:red", alpha=0.4, label="interventions")
+        axes[1].plot(table["epoch"], table["offset"], "o-", color="tab:purple", label="mean offset, m")
+        axes[1].set(ylabel="on short drives", ylim=(0, None))
+    for axis in axes:
+        axis.axvline(best_epoch, color="tab:green", linestyle=":", label=f"kept: epoch {best_epoch}")
+        axis.set(xlabel="epoch")
+        axis.grid(alpha=0.3)
+        axis.legend()
+    return figure
+
+
+def predictions(samples: pd.DataFrame, predicted: NDArray[np.float64]) -> Figure:
+    """Predicted against recorded steering over time, on the validation moments."""
+    figure = Figure((12, 4.5), layout="constrained")
+    axis = figure.subplots()
+    axis.plot(samples["recorded"].to_numpy(), color="tab:grey", linewidth=1, label="recorded")
+    axis.plot(predicted, color="tab:blue", linewidth=1.2, label="predicted")
+    for start in np.flatnonzero(np.diff(samples["moment"]) != 1):
+        axis.axvline(start + 0.5, color="black", linewidth=0.4, alpha=0.5)
+    axis.set(xlabel="validation moments in order (thin line: time passes)", ylabel="steering", ylim=(-1.05, 1.05))
+    axis.margins(x=0)
+    axis.legend(loc="upper right")
+    return figure

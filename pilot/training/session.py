@@ -1,0 +1,169 @@
+"""A training from reading to reporting: recordings → model.pt and the pictures beside it."""
+
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from tqdm import tqdm
+
+from pilot.data.augment import rows_seen
+from pilot.data.batches import Batch
+from pilot.data.driving_log import DrivingLog, read_driving_logs
+from pilot.data.frame_cache import FrameCache
+from pilot.data.samples import make_samples
+from pilot.model.checkpoint import Model, load_plain, plain, save_model
+from pilot.model.networks import NETWORKS
+from pilot.training.distributed import Processes
+from pilot.training.recipes import TrainingConfig
+from pilot.training.report import SMOOTHED_SECONDS, History, Measured, draw_results, draw_samples, measure
+from pilot.training.trainer import DrivingCheck, Progress, Training
+
+STATE = "state.pt"
+LOWEST_ERROR = "lowest_error.pt"
+
+
+def train(config: TrainingConfig, processes: Processes) -> None:
+    """Read, train, report.
+
+    Raises:
+        NoUsableData: there is nothing to train on.
+        KeyboardInterrupt: on Ctrl-C, after saying how to go on.
+    """
+    say: Callable[[str], None] = print if processes.leads else lambda _: None
+    cache = make_cache(config)
+    log = read_in_turn(config, cache, processes)
+    say(log.table())
+    if cache.trouble:
+        say(f"decoded pictures cannot be kept ({cache.trouble}): each is decoded anew in every epoch")
+    samples, validation = make_samples(log.rows, config.samples, config.seed)
+    # one process drives for all
+    driving_check = make_driving_check(config, log, validation) if processes.leads else None
+    training = Training(config, samples, validation, processes=processes, driving_check=driving_check,
+                        cache=cache)
+    say(f"{len(training.training)} pictures to train on, {len(training.validation)} moments to validate with; "
+        f"network {config.network} on {training.device.type}")
+    _prepare_state(config, training)
+    history = History(config.report, tensorboard=config.tensorboard and processes.leads)
+
+    def on_epoch(figures: dict[str, float]) -> None:
+        say(epoch_line(figures, config.epochs))
+        if processes.leads:
+            history.write(training.history)
+        if processes.leads and training.epoch == 1:  # not before: the first step need not wait for pictures
+            draw_samples(log, training)
+
+    try:
+        training.run(on_epoch, training_bar(hidden=not processes.leads), config.report / STATE)
+    except KeyboardInterrupt:
+        say(f"\nStopped in epoch {training.epoch + 1}. To go on: python model.py --resume --out {config.out}")
+        raise
+    if config.select != "error":
+        keep(config.report / LOWEST_ERROR, training.best, log, training)
+    measured = keep(config.out, training.chosen, log, training)
+    if processes.leads:
+        finish(config, training, measured)
+    processes.wait()
+
+
+def make_cache(config: TrainingConfig) -> FrameCache:
+    """The cache of the frames' rows that this training looks at."""
+    turned = config.samples.rotation_range if config.samples.rotated_copies else 0.0
+    rows = rows_seen(NETWORKS[config.network].rows, config.augment, turned)
+    return FrameCache(rows, limit=int(config.cache_gb * 1e9))
+
+
+def read_in_turn(config: TrainingConfig, cache: FrameCache, processes: Processes) -> DrivingLog:
+    """Read the recordings: first the process that leads, then the others, who find all pictures decoded."""
+    if not processes.leads:
+        processes.wait()
+    log = read_driving_logs(config.folders, checking_bar(hidden=not processes.leads), cache)
+    if processes.leads:
+        processes.wait()
+    return log
+
+
+def make_driving_check(config: TrainingConfig, log: DrivingLog, validation: pd.DataFrame) -> DrivingCheck | None:
+    """What --select asks for.
+
+    Raises:
+        UnusableRecording: the validation moments cannot be replayed.
+    """
+    if config.select == "error":
+        return None
+    # a training without it need not wait for the simulator to be imported
+    from pilot.evaluation.selection import driving_check, replay_check  # noqa: PLC0415
+
+    if config.select == "driving":
+        return driving_check()
+    return replay_check(log.rows[log.rows["center"].isin(validation["image"])].reset_index(drop=True))
+
+
+def _prepare_state(config: TrainingConfig, training: Training) -> None:
+    """Restore the state to resume, or put an unfinished one of another training aside."""
+    state = config.report / STATE
+    if config.resume:
+        training.restore(load_plain(state, "start anew without --resume"))
+    elif training.processes.leads and state.exists():
+        state.replace(state.with_name("previous_state.pt"))
+
+
+def keep(path: Path, best: dict[str, Any], log: DrivingLog, training: Training) -> Measured:
+    """Write the network of one of the best epochs with what is known about it; all processes take part."""
+    network = training.take(best)
+    measured = measure(training)
+    data = {"recordings": list(map(str, log.recordings)), "rows": len(log.rows),
+            "left_out": list(map(dict, log.left_out)), "training_pictures": len(training.training),
+            "validation_moments": len(training.validation)}
+    metrics = {"epoch": best["epoch"], "recorded": measured.recorded, "smoothed": measured.smoothed}
+    if training.processes.leads:
+        save_model(path, Model(training.config.network, network, plain(training.config), data, plain(metrics)))
+    return measured
+
+
+def finish(config: TrainingConfig, training: Training, measured: Measured) -> None:
+    """Draw the pictures; say what was kept, where, and how good it is."""
+    draw_results(training, measured)
+    if training.loader.unreadable:
+        print(f"{len(training.loader.unreadable)} pictures became unreadable during the training and were left out")
+    print(f"\n{verdict(training)} "
+          "Against the driver's steering, on moments not trained on:\n"
+          f"  as recorded:           {measured.recorded}\n"
+          f"  averaged over {SMOOTHED_SECONDS} s:   {measured.smoothed}\n"
+          f"model: {config.out}    history and pictures: {config.report}{os.sep}")
+
+
+def verdict(training: Training) -> str:
+    """Which epoch was kept, and why."""
+    kept, lowest = training.chosen["epoch"], training.best["epoch"]
+    if training.config.select == "error":
+        return f"epoch {kept} of {training.epoch} was the best."
+    interventions, offset = training.chosen["error"]
+    return (f"epoch {kept} of {training.epoch} drove best ({interventions:.0f} interventions, {offset:.2f} m beside "
+            f"its place on average); epoch {lowest} has the lowest error, and is {LOWEST_ERROR} in the folder below.\n")
+
+
+def epoch_line(figures: dict[str, float], epochs: int) -> str:
+    """One line about an epoch."""
+    drive = f"{figures['interventions']:.0f} interventions, {figures['offset']:.2f} m, " if "offset" in figures else ""
+    return (f"epoch {figures['epoch']:3.0f}/{epochs}: training MSE {figures['training_mse']:.4f}, "
+            f"validation MSE {figures['validation_mse']:.4f}, R² {figures['validation_r2']:+.3f}, {drive}"
+            f"{figures['images_per_second']:.0f} images/s")
+
+
+def checking_bar(*, hidden: bool) -> Callable[[Iterable[str], int], Iterable[str]]:
+    """A bar over the pictures while they are checked."""
+    return lambda paths, count: tqdm(paths, "checking pictures", count, leave=False, disable=hidden)
+
+
+def training_bar(*, hidden: bool) -> Progress:
+    """A bar over the batches of an epoch that shows images/s."""
+
+    def wrap(batches: Iterable[Batch], images: int, title: str) -> Iterable[Batch]:
+        with tqdm(total=images, desc=title, unit=" images", leave=False, disable=hidden) as bar:
+            for batch in batches:
+                yield batch
+                bar.update(batch.size)
+
+    return wrap

@@ -1,0 +1,176 @@
+"""A recorded drive → a video in H.264, with overlays on request."""
+
+import itertools
+import statistics
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+
+from pilot.data.frames import Frame, UnreadableImage, read_frame_as_is
+from pilot.data.log_format import LOG_NAME, LogLine, parse_log, time_of
+from pilot.files import move_when_done
+from pilot.video.overlays import draw_path, draw_speed, draw_wheel
+
+DEFAULT_FPS = 15.0  # where the names of the frames carry no time
+SCALE_TO = 640  # pixels: overlays are legible from this width on
+Progress = Callable[[list[Path]], Iterable[Path]]
+
+
+class NoFramesError(ValueError):
+    """There is nothing to make a clip of; the message names the folder and the cure."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What the log says about a frame; None where it does not."""
+
+    steering: float | None = None
+    speed: float | None = None
+
+
+@dataclass(frozen=True)
+class Overlays:
+    """What is drawn on the frames.
+
+    Attributes:
+        wheel: a steering wheel.
+        speed: the speed in mph.
+        path: the path that the steering drives, on the road.
+        saliency: what the network looked at: a function that draws it into a frame.
+    """
+
+    wheel: bool = False
+    speed: bool = False
+    path: bool = False
+    saliency: Callable[[Frame], Frame] | None = None
+
+    @property
+    def any(self) -> bool:
+        """Whether anything is drawn."""
+        return self.wheel or self.speed or self.path or self.saliency is not None
+
+
+@dataclass
+class Made:
+    """What became of a drive: frames in the clip, and those that could not be read."""
+
+    frames: int = 0
+    unreadable: int = 0
+    seconds: float = 0.0
+
+
+def find_frames(folder: Path) -> list[Path]:
+    """The frames of a drive in order of time: *.jpg in the folder, else the centre camera's in IMG/.
+
+    Raises:
+        NoFramesError: there is no such folder, or no frame in it.
+    """
+    if not folder.is_dir():
+        raise NoFramesError(f"{folder}: no such folder. Record a drive first: python drive.py model.pt {folder}")
+    pictures = [path for path in folder.iterdir() if path.suffix.lower() in (".jpg", ".jpeg", ".png")]
+    if not pictures and (folder / "IMG").is_dir():
+        pictures = [path for path in (folder / "IMG").iterdir() if path.name.startswith("center")]
+    if not pictures:
+        raise NoFramesError(f"{folder}: no frames (*.jpg) in it. Record one first: python drive.py model.pt {folder}")
+    return sorted(pictures, key=lambda path: path.name)
+
+
+def frame_rate(frames: list[Path]) -> float:
+    """Frames a second as the time stamps in the names have it: one over the median gap."""
+    times = [time_of(path.name) for path in frames]
+    gaps = [after - before for before, after in itertools.pairwise(times) if 0 < after - before < 1]
+    return min(round(1 / statistics.median(gaps), 2), 60.0) if gaps else DEFAULT_FPS
+
+
+def read_moments(folder: Path) -> dict[str, Moment]:
+    """What the drive's log says, by the frame's name; empty without a log."""
+    log = folder / LOG_NAME
+    if not log.is_file():
+        return {}
+    lines = parse_log(log.read_bytes().decode("utf-8-sig", errors="replace"))
+    return {line.images["center"]: Moment(_value(line, "steering"), _value(line, "speed"))
+            for line in lines if "center" in line.images}
+
+
+def _value(line: LogLine, name: str) -> float | None:
+    try:
+        return float(line.values[name])
+    except (KeyError, ValueError):
+        return None
+
+
+def make_clip(folder: Path, target: Path, *, fps: float | None = None, overlays: Overlays | None = None,
+              progress: Progress = lambda frames: frames) -> Made:
+    """Write the drive in `folder` as a video; frames that cannot be read are left out and counted.
+
+    The clip is written under a temporary name and renamed at the end. All frames get the first one's
+    size (doubled for overlays); others are scaled to it.
+
+    Args:
+        fps: frames a second; None takes the time stamps'.
+
+    Raises:
+        NoFramesError: no folder, no frames, or none that can be read.
+    """
+    frames, made = find_frames(folder), Made()
+    rate = fps or frame_rate(frames)
+    pictures = _pictures(progress(frames), made, read_moments(folder), overlays or Overlays())
+    first = next(pictures, None)
+    if first is None:
+        raise NoFramesError(f"{folder}: none of its {len(frames)} pictures can be read; record the drive anew")
+    with move_when_done(target) as temporary, av.open(str(temporary), "w", format="mp4") as container:
+        _encode(container, rate, first, pictures)
+    made.seconds = made.frames / rate
+    return made
+
+
+def _pictures(frames: Iterable[Path], made: Made, moments: dict[str, Moment], overlays: Overlays) -> Iterator[Frame]:
+    for path in frames:
+        try:
+            frame = read_frame_as_is(path)
+        except UnreadableImage:
+            made.unreadable += 1
+            continue
+        made.frames += 1
+        yield decorate(frame, moments.get(path.name, Moment()), overlays)
+
+
+def decorate(frame: Frame, moment: Moment, overlays: Overlays) -> Frame:
+    """The frame with overlays, enlarged so that they are legible; as it is without any."""
+    if not overlays.any:
+        return frame
+    if overlays.saliency:
+        frame = overlays.saliency(frame)
+    scale = max(SCALE_TO / frame.shape[1], 1)
+    picture = _resize(frame, round(frame.shape[1] * scale), round(frame.shape[0] * scale))
+    if overlays.path and moment.steering is not None:
+        draw_path(picture, moment.steering)
+    if overlays.wheel and moment.steering is not None:
+        draw_wheel(picture, moment.steering)
+    return draw_speed(picture, moment.speed) if overlays.speed and moment.speed is not None else picture
+
+
+def _encode(container: av.container.OutputContainer, rate: float, first: Frame, rest: Iterator[Frame]) -> None:
+    """H.264 with 4:2:0 colours and the index in front: what every browser plays."""
+    stream = container.add_stream("libx264", rate=Fraction(rate).limit_denominator(1000))
+    height, width = (size - size % 2 for size in first.shape[:2])  # 4:2:0 needs even sizes
+    stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+    stream.options = {"crf": "20", "preset": "fast"}
+    for picture in itertools.chain([first], rest):
+        fitting = _resize(picture, first.shape[1], first.shape[0])[:height, :width]
+        image = av.VideoFrame.from_ndarray(np.ascontiguousarray(fitting), format="rgb24")
+        container.mux(stream.encode(image))
+    container.mux(stream.encode())
+
+
+def _resize(frame: Frame, width: int, height: int) -> Frame:
+    if frame.shape[:2] == (height, width):
+        return frame
+    method = cv2.INTER_CUBIC if width > frame.shape[1] else cv2.INTER_AREA
+    return np.asarray(cv2.resize(frame, (width, height), interpolation=method), np.uint8)
+

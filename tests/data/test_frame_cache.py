@@ -1,0 +1,120 @@
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import picture, write_picture
+
+from pilot.data import frame_cache
+from pilot.data.frame_cache import FrameCache
+from pilot.data.frames import UnreadableImage, read_frame
+
+ROWS = (60, 150)
+FRAME = 90 * 320 * 3  # bytes
+LIMIT = 10 * FRAME
+
+
+@pytest.fixture
+def pictures(tmp_path: Path) -> list[str]:
+    return write_pictures(tmp_path / "IMG", 4)
+
+
+def write_pictures(folder: Path, count: int) -> list[str]:
+    for number in range(count):
+        write_picture(folder / f"{number}.jpg", picture(0.1 * number))
+    return [str(folder / f"{number}.jpg") for number in range(count)]
+
+
+def checked(cache: FrameCache, pictures: list[str]) -> FrameCache:
+    cache.check(pictures)
+    return cache
+
+
+def decoded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Fills with the pictures that are decoded from now on."""
+    paths: list[str] = []
+    monkeypatch.setattr(frame_cache, "read_frame", lambda path: (paths.append(path), read_frame(path))[1])
+    return paths
+
+
+def test_a_picture_is_decoded_once_and_never_again(pictures: list[str], tmp_path: Path,
+                                                   monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = decoded(monkeypatch)
+    for _ in range(2):
+        cache = checked(FrameCache(ROWS, limit=LIMIT, folder=tmp_path / "cache"), pictures)
+        for path in pictures:
+            np.testing.assert_array_equal(cache.read(path), read_frame(path)[60:150])
+    assert sorted(paths) == pictures
+
+
+def test_faults_are_remembered(pictures: list[str], tmp_path: Path) -> None:
+    Path(pictures[1]).write_bytes(b"")
+    for _ in range(2):
+        cache = FrameCache(ROWS, limit=LIMIT, folder=tmp_path / "cache")
+        assert cache.check([*pictures, str(tmp_path / "gone.jpg")]) == {
+            pictures[1]: "image empty", str(tmp_path / "gone.jpg"): "image missing"}
+    with pytest.raises(UnreadableImage, match="image missing"):
+        cache.read("absent.jpg")
+
+
+def test_a_changed_picture_is_decoded_anew(pictures: list[str], tmp_path: Path) -> None:
+    checked(FrameCache(ROWS, limit=LIMIT, folder=tmp_path / "cache"), pictures)
+    write_picture(Path(pictures[2]), picture(0.9))
+    os.utime(pictures[2], (0, 0))
+    cache = checked(FrameCache(ROWS, limit=LIMIT, folder=tmp_path / "cache"), pictures)
+    np.testing.assert_array_equal(cache.read(pictures[2]), read_frame(pictures[2])[60:150])
+
+
+def test_the_longest_unused_recording_makes_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second, third = (write_pictures(tmp_path / name, 4) for name in "abc")
+    folder = tmp_path / "cache"
+    for used, recording in enumerate((first, second, first)):
+        checked(FrameCache(ROWS, limit=LIMIT, folder=folder), recording)
+        for file in folder.iterdir():  # a clock with coarse ticks would make this a matter of luck
+            if file.stat().st_mtime > 1000:
+                os.utime(file, (used, used))
+    checked(FrameCache(ROWS, limit=LIMIT, folder=folder), third)
+    assert sum(file.stat().st_size for file in folder.iterdir()) <= LIMIT
+    paths = decoded(monkeypatch)
+    for recording in (first, third):
+        checked(FrameCache(ROWS, limit=LIMIT, folder=folder), recording)
+    assert paths == []
+    checked(FrameCache(ROWS, limit=LIMIT, folder=folder), second)
+    assert sorted(paths) == second
+
+
+def test_what_does_not_fit_is_decoded_each_time(pictures: list[str], tmp_path: Path) -> None:
+    cache = checked(FrameCache(ROWS, limit=2 * FRAME, folder=tmp_path / "cache"), pictures)
+    assert list((tmp_path / "cache").iterdir()) == []
+    np.testing.assert_array_equal(cache.read(pictures[0]), read_frame(pictures[0])[60:150])
+
+
+def test_a_cleared_cache_and_a_crash_half_way_do_no_harm(pictures: list[str], tmp_path: Path) -> None:
+    folder = tmp_path / "cache"
+    cache = checked(FrameCache(ROWS, limit=LIMIT, folder=folder), pictures)
+    (file,) = folder.iterdir()
+    file.unlink()
+    np.testing.assert_array_equal(cache.read(pictures[0]), read_frame(pictures[0])[60:150])
+    left_behind = folder / ".frames.1.part"
+    left_behind.write_bytes(b"half")
+    os.utime(left_behind, (0, 0))
+    checked(FrameCache(ROWS, limit=LIMIT, folder=folder), pictures)
+    assert not left_behind.exists()
+
+
+def test_trouble_with_the_disk_is_told_and_does_not_stop(pictures: list[str], tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("a file where the folder should be")
+    cache = FrameCache(ROWS, limit=LIMIT, folder=tmp_path / "cache")
+    assert cache.check(pictures) == {}
+    assert "cache" in cache.trouble
+    np.testing.assert_array_equal(cache.read(pictures[0]), read_frame(pictures[0])[60:150])
+
+
+def test_ctrl_c_leaves_no_half_file(pictures: list[str], tmp_path: Path) -> None:
+    def interrupted(paths: list[str], _count: int) -> object:
+        yield paths[0]
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        FrameCache(ROWS, limit=LIMIT, folder=tmp_path / "cache").check(pictures, interrupted)
+    assert list((tmp_path / "cache").iterdir()) == []

@@ -1,0 +1,156 @@
+"""The closed loop: who drives well gets good scores, and nothing keeps an evaluation from its end."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import picture
+
+from pilot.driving.controller import SpeedConfig
+from pilot.evaluation.closed_loop import Delay, ModelDriver, Referee, Steer, Task, drive_laps, expert_driver, run
+from pilot.evaluation.over_socket import run_over_socket
+from pilot.evaluation.plan import Setup, expand_tracks
+from pilot.evaluation.scores import Driven, Scores, measure
+from pilot.model.checkpoint import Model, save_model
+from pilot.model.networks import build_network
+from pilot.simulator.drive import Drive
+from pilot.simulator.track import Track, closed_road
+from pilot.workers import run_jobs
+
+FRAME = picture(0.0)
+SETUP = Setup(laps=1.0, speed=SpeedConfig(speed=20.0))
+
+
+@pytest.fixture(scope="module")
+def winding() -> Track:
+    """390 m of bends to both sides."""
+    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    radius = 55 + 9 * np.cos(3 * angles)
+    return closed_road("winding", np.column_stack([radius * np.sin(angles), radius * np.cos(angles), 0 * angles]), 4.0)
+
+
+def straight(_drive: Drive) -> Steer:
+    return lambda _frame: 0.0
+
+
+def drive(track: Track, who: object = expert_driver, *, seed: int = 0, **changes: object) -> Driven:
+    car = Drive(track)
+    return drive_laps(car, lambda _: FRAME, who(car), dataclasses.replace(SETUP, **changes), seed=seed)
+
+
+def scores(track: Track, who: object = expert_driver, **changes: object) -> Scores:
+    return measure("", [drive(track, who, **changes)])
+
+
+def test_the_expert_needs_nobody(winding: Track) -> None:
+    found = scores(winding)
+    assert (found.interventions, found.autonomy) == (0, 100)
+    assert found.laps == pytest.approx(1, abs=0.01)
+    assert found.offset_max < 0.6
+    assert found.lap_time == pytest.approx(found.seconds, abs=0.1)
+    assert found.speed == pytest.approx(19.5, abs=1.5)
+
+
+def test_straight_on_is_put_back_where_it_leaves_the_road_and_comes_to_the_end(winding: Track) -> None:
+    driven = drive(winding, straight)
+    found = measure("", [driven])
+    assert len(driven.interventions) > 5
+    assert found.laps == pytest.approx(1, abs=0.01)
+    assert found.offset_max == pytest.approx(3.0, abs=0.3)  # half of the road, less half of the car
+    assert {each.reason for each in driven.interventions} == {"off the road"}
+    after = np.searchsorted(driven.times, [each.time for each in driven.interventions]) + 1
+    assert np.abs(driven.offsets[after]).max() < 0.05  # in the lane's middle again, a tick later
+    assert driven.speeds[after[1:]].min() > 8  # at the speed it had
+
+
+def test_latency_makes_it_worse(winding: Track) -> None:
+    prompt, late = (scores(winding, laps=0.5, latency_ms=milliseconds) for milliseconds in (0, 800))
+    assert late.offset_mean > 3 * prompt.offset_mean  # less of it helps the expert, who steers somewhat early
+    assert late.steering_rate > 3 * prompt.steering_rate
+    assert late.interventions > prompt.interventions == 0
+
+
+def test_lost_frames_make_it_worse_by_their_seed(winding: Track) -> None:
+    whole, torn, same, other = (drive(winding, laps=0.5, lost_frames=share, seed=seed)
+                                for share, seed in ((0.0, 1), (0.95, 1), (0.95, 1), (0.95, 2)))
+    assert measure("", [torn]).offset_max > 2 * measure("", [whole]).offset_max
+    assert np.array_equal(torn.positions, same.positions)
+    assert not np.array_equal(torn.positions[:500], other.positions[:500])
+
+
+def test_slow_in_curves_is_slower(winding: Track) -> None:
+    slow = SpeedConfig(speed=20.0, slow_in_curves=1.0)
+    assert scores(winding, laps=0.3, speed=slow).speed < scores(winding, laps=0.3).speed - 1
+
+
+def test_a_command_waits_its_time() -> None:
+    delay = Delay(3)
+    delay.send(0, (0.5, 0.2))
+    delay.send(2, (0.6, 0.3))
+    assert [delay.at(tick)[0] for tick in range(6)] == [0, 0, 0, 0.5, 0.5, 0.6]
+    delay.send(6, (0.7, 0.4))
+    delay.straighten()
+    assert delay.at(9) == (0.0, 0.3)
+
+
+def test_a_car_that_gets_nowhere_is_put_back_and_the_drive_ends(winding: Track) -> None:
+    car = Drive(winding)
+    referee = Referee(car, laps=1.0, set_speed=20.0)
+    while not referee.over:
+        referee.see(car.advance(0.0, 0.0))
+        assert len(referee.states) < 20000
+    longest = winding.length / (0.25 * 20 * 0.44704)
+    assert car.ticks * 0.02 == pytest.approx(longest, abs=0.1)
+    assert len(referee.interventions) == longest // 10
+    assert {each.reason for each in referee.interventions} == {"no progress"}
+
+
+def test_driving_backwards_is_no_progress(winding: Track) -> None:
+    car = Drive(winding)
+    car.place(20.0, heading_error=math.pi, speed=2.0)
+    referee = Referee(car, laps=1.0, set_speed=20.0)
+    while not referee.interventions:
+        referee.see(car.advance(0.0, 0.0))
+    assert referee.interventions[0].progress < -3
+    assert referee.interventions[0].reason == "no progress"
+    assert abs(car.state.heading_error) < 0.01
+
+
+def test_a_driver_that_fails_ends_the_evaluation(winding: Track) -> None:
+    def fail(_frame: object) -> float:
+        raise ZeroDivisionError
+
+    with pytest.raises(RuntimeError, match="the driver failed"):
+        drive(winding, lambda _: fail)
+
+
+def test_side_by_side_or_one_after_another_the_scores_are_the_same() -> None:
+    setup = Setup(laps=0.01, lost_frames=0.3)
+    tasks = [Task(expert_driver, track, setup, start=start) for track, start in (("mountain", 1), ("mountain", 2))]
+    alone, together = (dict(run_jobs(run, tasks, jobs)) for jobs in (1, 2))
+    first, second = ([measure("", [driven[number]]) for number in range(2)] for driven in (alone, together))
+    assert first == second
+    assert first[0] != first[1]  # each from its own start place
+
+
+def test_through_the_socket(tmp_path: Path) -> None:
+    save_model(tmp_path / "model.pt", Model("pilotnet", build_network("pilotnet", 1), {}, {}, {}))
+    task = Task(ModelDriver(tmp_path / "model.pt"), "mountain", Setup(laps=0.01))
+    found = measure("", [run_over_socket(task)])
+    assert found.laps == pytest.approx(0.01, abs=0.005)
+    assert found.speed > 3
+
+
+def test_drive_py_s_last_words_are_passed_on(tmp_path: Path) -> None:
+    task = Task(ModelDriver(tmp_path / "absent.pt"), "mountain", Setup(laps=0.02))
+    with pytest.raises(RuntimeError, match="absent.pt: no such file"):
+        run_over_socket(task)
+
+
+def test_ranges_of_tracks() -> None:
+    assert expand_tracks(["lake", "random:8-10", "random:9", "lake reversed", "random:0-1 reversed"]) == [
+        "lake", "random:8", "random:9", "random:10", "lake reversed", "random:0 reversed", "random:1 reversed"]
+    with pytest.raises(ValueError, match="from less to more"):
+        expand_tracks(["random:5-2"])

@@ -1,0 +1,79 @@
+import pytest
+import torch
+from torch import nn
+
+from pilot.model.networks import NETWORKS, build_network, count_parameters, fold_dense
+
+COUNTS = {"nvidia": 2_712_951, "pilotnet": 252_219, "lenet": 723_091, "simplenet": 183_683, "densenet": 187_469}
+
+
+@pytest.mark.parametrize(("name", "count"), COUNTS.items())
+def test_parameter_counts_are_the_documents(name: str, count: int) -> None:
+    assert count_parameters(build_network(name)) == count
+
+
+def test_densenet_without_batch_norm_is_the_documents() -> None:
+    assert count_parameters(build_network("densenet"), [nn.Conv2d, nn.Linear]) == 185_789
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_takes_raw_frames_and_returns_one_steering_each(name: str) -> None:
+    frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
+    network = build_network(name, seed=1).eval()
+    with torch.inference_mode():
+        together, alone = network(frames), network(frames[1:])
+    assert together.shape == (2,)
+    assert together.dtype == torch.float32
+    torch.testing.assert_close(together[1:], alone, atol=1e-5, rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_sky_and_bonnet_do_not_matter_but_colours_do(name: str) -> None:
+    frames = torch.randint(0, 256, (1, 160, 320, 3), dtype=torch.uint8)
+    network = build_network(name, seed=1).eval()
+    elsewhere = frames.clone()
+    elsewhere[:, : network.rows[0]] = 0
+    elsewhere[:, network.rows[1] :] = 255
+    with torch.inference_mode():
+        assert torch.equal(network(frames), network(elsewhere))
+        assert not torch.equal(network(frames), network(frames.flip(-1)))
+
+
+def test_nvidia_layers_have_the_documents_shapes() -> None:
+    network = build_network("nvidia")
+    shapes = []
+    maps = network.prepare(torch.zeros(1, 3, 65, 320))
+    for layer in network.layers:
+        maps = layer(maps)
+        if isinstance(layer, nn.Conv2d | nn.Flatten):
+            shapes.append(tuple(maps.shape[1:]))
+    assert shapes == [(24, 31, 158), (36, 14, 77), (48, 5, 37), (64, 3, 35), (64, 1, 33), (2112,)]
+
+
+def test_simplenet_standardises_each_picture() -> None:
+    pixels = build_network("simplenet").prepare(torch.rand(2, 3, 76, 320) * 100 + 50)
+    assert pixels.shape == (2, 3, 128, 128)
+    torch.testing.assert_close(pixels.mean((1, 2, 3)), torch.zeros(2), atol=1e-4, rtol=0)
+    torch.testing.assert_close(pixels.std((1, 2, 3)), torch.ones(2), atol=1e-3, rtol=0)
+    assert torch.isfinite(build_network("simplenet").prepare(torch.full((1, 3, 76, 320), 7.0))).all()
+
+
+def test_same_seed_same_weights() -> None:
+    first, second, other = (build_network("pilotnet", seed).state_dict() for seed in (1, 1, 2))
+    assert all(torch.equal(first[key], second[key]) for key in first)
+    assert not torch.equal(first["layers.0.weight"], other["layers.0.weight"])
+
+
+def test_unknown_network_names_those_there_are() -> None:
+    with pytest.raises(ValueError, match="'alexnet'; there are: nvidia"):
+        build_network("alexnet")
+
+
+@pytest.mark.parametrize(("name", "dense"), [("nvidia", 1), ("lenet", 1), ("pilotnet", 4), ("densenet", 1)])
+def test_dense_layers_in_a_row_are_folded_into_one_for_driving(name: str, dense: int) -> None:
+    network = build_network(name, 0).eval()
+    folded = fold_dense(network)
+    frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
+    with torch.inference_mode():
+        torch.testing.assert_close(folded(frames), network(frames), atol=1e-6, rtol=1e-4)
+    assert sum(isinstance(layer, nn.Linear) for layer in folded.modules()) == dense

@@ -1,0 +1,266 @@
+"""The window on a virtual display, driven by real key presses."""
+
+import csv
+import logging
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from conftest import REPOSITORY, circle
+
+from pilot.data.log_format import CAMERAS
+from pilot.simulator.drive import Drive
+from pilot.simulator.simulator import Simulator
+from pilot.simulator.window.hud import LapClock
+from pilot.simulator.window.window import Capture
+
+WIDTH, HEIGHT = 960, 540
+PATIENCE = 30.0  # s
+BY_HAND = """
+import logging, sys
+from pathlib import Path
+from pilot.simulator.window.window import drive_by_hand
+logging.basicConfig(level=logging.INFO, format="%(message)s")
+drive_by_hand("lake", None, Path(sys.argv[1]))
+"""
+BY_OTHERS = """
+from pilot.simulator import window
+from pilot.simulator.simulator import Simulator
+
+class Control:
+    done = False
+    said = False
+    def advance(self, seconds):
+        if self.ends:
+            self.done = drive.advance(0, 1).time > 0.1
+        elif drive.on_road and not self.said:
+            self.said = not print("back on the road", flush=True)
+
+window.PIPES = ("p3missing", *window.PIPES[1:])  # as where there is no OpenGL
+with Simulator() as simulator:
+    simulator.reset("random:3")
+    drive, control = simulator.drive, Control()
+    for control.ends in (True, False):
+        control.done = False
+        with window.Window(drive, simulator.renderer.scene, title="others") as opened:
+            opened.behind = True
+            opened.run(control)
+        print("closed", flush=True)
+        drive.place(50, offset=9)
+"""
+
+
+class Screen:
+    """A display that nobody sees: what is on it, and keys pressed on it."""
+
+    def __init__(self, number: int, folder: Path) -> None:
+        self.environment = {**os.environ, "DISPLAY": f":{number}"}
+        self._file = folder / "Xvfb_screen0"
+
+    def picture(self) -> np.ndarray:
+        """What is on it: rows x columns x 3, RGB."""
+        data = self._file.read_bytes()
+        head = np.frombuffer(data[:100], ">u4")  # XWD: size of the header, ..., columns, rows, ..., colours
+        start = int(head[0] + 12 * head[19])
+        pixels = np.frombuffer(data[start : start + 4 * WIDTH * HEIGHT], np.uint8)
+        return pixels.reshape(HEIGHT, WIDTH, 4)[:, :, 2::-1]
+
+    def do(self, *what: str) -> None:
+        subprocess.run(["xdotool", *what], env=self.environment, check=True, capture_output=True, timeout=PATIENCE)
+
+    @contextmanager
+    def run(self, script: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+        with subprocess.Popen([sys.executable, "-c", script, *arguments], env=self.environment, cwd=REPOSITORY,
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            impatience = threading.Timer(PATIENCE, process.kill)
+            impatience.start()
+            try:
+                yield process
+            finally:
+                impatience.cancel()
+                process.kill()
+
+
+@pytest.fixture(scope="module")
+def screen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Screen]:
+    for tool in ("Xvfb", "xdotool"):
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed")
+    folder = tmp_path_factory.mktemp("screen")
+    # not :0, where Panda3D would look for a display if none is named
+    number = next(number for number in range(90, 1000) if not Path(f"/tmp/.X{number}-lock").exists())
+    with subprocess.Popen(["Xvfb", f":{number}", "-displayfd", "1", "-screen", "0", f"{WIDTH}x{HEIGHT}x24", "-nolisten",
+                           "tcp", "-fbdir", str(folder)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as server:
+        try:
+            assert server.stdout.readline().split() == [str(number).encode()]  # it is ready
+            yield Screen(number, folder)
+        finally:
+            server.terminate()
+
+
+def wait_for(true: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def is_road(picture: np.ndarray) -> bool:
+    """Whether there is blue sky above and something grey, the road, below."""
+    sky, road = picture[60:90].reshape(-1, 3).mean(0), picture[430:465, 400:560].reshape(-1, 3)
+    return sky[2] > sky[0] + 30 and float(np.ptp(road.mean(0))) < 25 and road.std() > 3
+
+
+def rows_of(folder: Path) -> list[list[str]]:
+    with (folder / "driving_log.csv").open() as log:
+        return list(csv.reader(log))
+
+
+def test_driving_by_hand_as_it_is_recorded(screen: Screen, tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    with screen.run(BY_HAND, str(folder)) as process:
+        wait_for(lambda: is_road(screen.picture()))
+        road_ahead = screen.picture()[260:340, 420:540].astype(int)
+        screen.do("key", "c")
+        wait_for(lambda: np.abs(screen.picture()[260:340, 420:540] - road_ahead).mean() > 15)  # the car is in the way
+        screen.do("key", "r")  # the car stands
+        wait_for(lambda: len(list((folder / "IMG").glob("center*"))) > 2)
+        screen.do("keydown", "Up", "sleep", "1.2", "keydown", "Right", "sleep", "0.6", "keyup", "Right", "sleep", "0.6")
+        screen.do("mousemove", "400", "300", "mousedown", "1", "sleep", "0.2")
+        screen.do("mousemove", "280", "300", "sleep", "0.4", "mouseup", "1", "sleep", "0.1")
+        screen.do("keyup", "Up", "sleep", "0.5", "keydown", "s", "sleep", "0.3")
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=PATIENCE)
+    rows = rows_of(folder)
+    assert process.returncode == 0
+    assert errors.splitlines()[-1] == f"{len(rows)} moments recorded into {folder}"  # before: Xlib's, at times
+    check_commands(np.array([row[3:] for row in rows], float))
+    check_pictures(rows[0])
+
+
+def check_commands(numbers: np.ndarray) -> None:
+    steering, throttle, brake, speed = numbers.T
+    assert 45 <= len(numbers) <= 120
+    assert steering[0] == throttle[0] == brake[0] == speed[0] == 0
+    pressed = np.flatnonzero(throttle)
+    assert set(throttle) == set(brake) == {0, 1}
+    assert np.all(np.diff(pressed) == 1)  # held all the time, also while the key repeats
+    assert np.all(np.diff(speed[pressed[0] : pressed[0] + 15]) > 0)
+    assert np.all(brake[: pressed[-1]] == 0)
+    assert brake[-1] == 1
+    right = np.flatnonzero(steering == 1)
+    left = np.flatnonzero(np.isclose(steering, -0.5, atol=0.01))
+    assert 1 < len(right) < 15
+    assert 2 < len(left) < 15
+    assert pressed[0] < right[0] < right[-1] < left[0] < pressed[-1]
+    by_keys = steering[: right[-1] + 6]
+    assert np.abs(np.diff(by_keys)).max() < 0.201  # four ticks at most lie between two rows
+    assert np.all(np.abs(steering[right[-1] + 7 : left[0] - 1]) <= 0.5)
+
+
+def check_pictures(row: list[str]) -> None:
+    """The cameras see the road as they would without a window, and not the car."""
+    with Simulator(CAMERAS) as simulator:
+        frames = simulator.reset("lake").frames
+    for camera, name in zip(CAMERAS, row, strict=False):
+        data = cv2.imencode(".jpg", frames[camera][:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 75])[1]
+        alone = cv2.imdecode(data, cv2.IMREAD_COLOR)
+        assert np.abs(cv2.imread(name).astype(int) - alone).mean() < 0.1
+
+
+def test_showing_what_others_drive_without_opengl(screen: Screen) -> None:
+    with screen.run(BY_OTHERS) as process:
+        assert process.stdout.readline() == "closed\n"  # when the control was done
+        screen.do("search", "--sync", "--name", "others")
+        screen.do("key", "BackSpace")
+        assert process.stdout.readline() == "back on the road\n"
+        wait_for(lambda: is_road(screen.picture()))
+        screen.do("key", "Escape")
+        assert process.stdout.readline() == "closed\n"
+        process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+
+
+def test_without_a_display_the_cure_is_named(tmp_path: Path) -> None:
+    if sys.platform in {"win32", "darwin"}:
+        pytest.skip("there is always a display")
+    environment = {**os.environ, "DISPLAY": ":4000"}  # with none named, Panda3D tries :0, which may exist
+    result = subprocess.run([sys.executable, "-c", BY_HAND, str(tmp_path / "none")], env=environment, cwd=REPOSITORY,
+                            capture_output=True, text=True, timeout=PATIENCE)
+    assert "RuntimeError: no window can be opened" in result.stderr
+    assert "simulator.py drive --headless" in result.stderr
+    assert not (tmp_path / "none").exists()
+
+
+# Without a display
+
+
+def test_fifteen_rows_a_second_from_the_moment_of_starting(tmp_path: Path) -> None:
+    drive = Drive(circle())
+    capture = Capture(tmp_path / "mine", lambda: dict.fromkeys(CAMERAS, np.zeros((160, 320, 3), np.uint8)))
+    with capture:
+        capture.add(drive.advance(0, 1))
+        assert not (tmp_path / "mine").exists()
+        for _ in range(2):
+            capture.toggle()
+            assert capture.rows == 0
+            for _ in range(100):
+                capture.add(drive.advance(0.25, 0.5))
+            assert capture.rows == 30
+            capture.toggle()
+            assert capture.rows is None
+    rows = rows_of(tmp_path / "mine")
+    assert len(rows) == 60
+    assert {tuple(row[3:6]) for row in rows} == {("0.25", "0.5", "0")}
+
+
+def test_a_folder_that_cannot_be_written_to_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "file").write_text("")
+    with caplog.at_level(logging.INFO, "pilot"), Capture(tmp_path / "file" / "mine", dict) as capture:
+        capture.toggle()
+        capture.add(Drive(circle()).state)
+    assert capture.rows is None
+    assert "cannot record" in capture.message
+    assert capture.message in caplog.text
+
+
+def test_a_full_disk_ends_the_recording_only(tmp_path: Path) -> None:
+    def look() -> dict[str, np.ndarray]:
+        raise OSError(28, "No space left on device")
+
+    with Capture(tmp_path, look) as capture:
+        capture.toggle()
+        capture.add(Drive(circle()).state)
+        capture.add(Drive(circle()).state)
+    assert capture.rows is None
+    assert "No space left" in capture.message
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_disk_that_is_full_at_the_end_is_said(tmp_path: Path) -> None:
+    (tmp_path / "driving_log.csv").symlink_to("/dev/full")
+    with Capture(tmp_path, lambda: dict.fromkeys(CAMERAS, np.zeros((160, 320, 3), np.uint8))) as capture:
+        capture.toggle()
+        capture.add(Drive(circle()).state)
+    assert capture.rows is None
+    assert "No space left" in capture.message
+
+
+def test_laps_and_their_times() -> None:
+    clock = LapClock()
+    for time_now, laps in ((0.0, 0.0), (30.0, 0.5), (29.0, 0.4), (61.26, 1.001), (62.0, 0.999)):
+        clock.update(time_now, laps)
+    assert clock.text(62.0) == "Lap 2    0:00.7    last 1:01.3"
+    clock.update(100.0, 2.0)
+    assert clock.text(110.0) == "Lap 3    0:10.0    last 0:38.7"
+    assert LapClock().text(9.94) == "Lap 1    0:09.9"

@@ -1,0 +1,275 @@
+import math
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from conftest import Recording
+
+from pilot.data.augment import AugmentConfig
+from pilot.data.batches import Batch, Part
+from pilot.data.driving_log import read_driving_logs
+from pilot.data.samples import SampleConfig, make_samples
+from pilot.model.checkpoint import Model, UnusableModel, save_model
+from pilot.model.networks import build_network
+from pilot.training.devices import choose_device, parts_of_a_batch
+from pilot.training.recipes import TrainingConfig, config_from_plain
+from pilot.training.trainer import Training, learning_rate
+
+CONFIG = TrainingConfig(network="pilotnet", epochs=3, batch_size=32, samples=SampleConfig(block_seconds=1))
+
+
+def quiet(batches: object, _count: int, _title: str) -> object:
+    return batches
+
+
+@pytest.fixture
+def samples(recording: Recording) -> tuple[pd.DataFrame, pd.DataFrame]:
+    return make_samples(read_driving_logs([recording(moments=100)]).rows, CONFIG.samples, seed=0)
+
+
+def trained(samples: tuple[pd.DataFrame, pd.DataFrame], config: TrainingConfig = CONFIG, **run: object) -> Training:
+    training = Training(config, *samples)
+    training.run(lambda _: None, quiet, **run)
+    return training
+
+
+def weights(training: Training) -> torch.Tensor:
+    return torch.cat([value.flatten() for value in training.network.state_dict().values()])
+
+
+def test_learns_to_steer(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    config = replace(CONFIG, epochs=15, patience=15, augment=AugmentConfig(viewpoint=0, shadow=0, brightness=0))
+    training = trained(samples, config)
+    assert training.history[training.best["epoch"] - 1]["validation_r2"] > 0.8
+
+
+def test_same_seed_same_result(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    first, second, other = (trained(samples, replace(CONFIG, epochs=1, seed=seed)) for seed in (1, 1, 2))
+    assert torch.equal(weights(first), weights(second))
+    assert not torch.equal(weights(first), weights(other))
+
+
+@pytest.mark.parametrize("stop_after", [2, 8, 9])
+def test_an_interrupted_training_goes_on_to_the_same_result(
+    samples: tuple[pd.DataFrame, pd.DataFrame], tmp_path: Path, stop_after: int
+) -> None:
+    whole = trained(samples)
+    state = tmp_path / "state.pt"
+    steps = 0
+
+    def interrupted(batches: object, _count: int, _title: str) -> object:
+        nonlocal steps
+        for batch in batches:
+            yield batch
+            steps += 1
+            if steps == stop_after:
+                signal_self()
+
+    with pytest.raises(KeyboardInterrupt):
+        Training(CONFIG, *samples).run(lambda _: None, interrupted, state)
+    resumed = Training(CONFIG, *samples)
+    resumed.restore(torch.load(state, weights_only=True))
+    assert resumed.epoch * 8 + resumed.step < 3 * 8
+    resumed.run(lambda _: None, quiet)
+    assert torch.equal(weights(resumed), weights(whole))
+    for before, after in zip(whole.history, resumed.history, strict=True):
+        assert {**before, "images_per_second": 0} == {**after, "images_per_second": 0}
+    assert resumed.best["epoch"] == whole.best["epoch"]
+
+
+def signal_self() -> None:
+    import signal
+
+    signal.raise_signal(signal.SIGINT)
+
+
+def test_a_state_of_other_data_is_refused(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    state = Training(CONFIG, *samples).state()
+    other = Training(CONFIG, samples[0].assign(steering=0.0), samples[1])
+    with pytest.raises(UnusableModel, match="recordings have changed"):
+        other.restore(state)
+
+
+def test_stops_early_and_keeps_the_best_epoch(samples: tuple[pd.DataFrame, pd.DataFrame],
+                                              monkeypatch: pytest.MonkeyPatch) -> None:
+    errors = iter([0.5, 0.3, 0.299995, 0.4, 0.6, 0.1])
+    kept: list[torch.Tensor] = []
+    training = Training(replace(CONFIG, epochs=6, patience=3, min_delta=1e-5), *samples)
+    real = training.validate
+
+    def fake() -> object:
+        kept.append(weights(training).clone())
+        return replace(real(), mse=next(errors))
+
+    monkeypatch.setattr(training, "validate", fake)
+    training.run(lambda _: None, quiet)
+    assert training.epoch == 5
+    assert training.best["epoch"] == 2
+    training.take(training.best)
+    assert torch.equal(weights(training), kept[1])
+
+
+def test_starts_from_a_model(samples: tuple[pd.DataFrame, pd.DataFrame], tmp_path: Path) -> None:
+    first = trained(samples)
+    path = tmp_path / "first.pt"
+    save_model(path, Model(CONFIG.network, first.network, {}, {}, {}))
+    begun = Training(replace(CONFIG, start=path), *samples)
+    assert torch.equal(weights(begun), weights(first))
+    with pytest.raises(UnusableModel, match="is a pilotnet; start from it with --network pilotnet"):
+        Training(replace(CONFIG, start=path, network="nvidia"), *samples)
+
+
+def test_keeps_the_epoch_that_drives_best_beside_that_of_the_lowest_error(
+    samples: tuple[pd.DataFrame, pd.DataFrame]
+) -> None:
+    drives = iter([(1, 0.2), (0, 0.4), (0, 0.3), (2, 0.1)])  # fewer interventions first, then the smaller offset
+    kept: list[torch.Tensor] = []
+
+    def check(steer: Callable[[np.ndarray], float]) -> tuple[int, float]:
+        assert -1 <= steer(np.full((160, 320, 3), 90, np.uint8)) <= 1
+        kept.append(weights(training).clone())
+        return next(drives)
+
+    training = Training(replace(CONFIG, epochs=4, select="driving"), *samples, driving_check=check)
+    training.run(lambda _: None, quiet)
+    assert training.chosen is training.best_driving
+    assert training.best_driving["epoch"] == 3
+    assert training.best_driving["error"] == (0, 0.3)
+    assert [epoch["interventions"] for epoch in training.history] == [1, 0, 0, 2]
+    training.take(training.chosen)
+    assert torch.equal(weights(training), kept[2])
+    training.take(training.best)
+    assert training.validate().mse == pytest.approx(training.best["error"])
+
+
+def test_l2_is_the_penalty_added_to_the_loss(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    """One Adam step with `l2` equals one on loss + l2 * sum of squares of all weights and biases."""
+    config = replace(CONFIG, l2=0.01)
+    ours, reference = Training(config, *samples), Training(replace(config, l2=0.0), *samples)
+    part = whole(ours)
+    next(ours.steps([Batch(32, [lambda: part])]))
+    loss = ((reference.network(part.frames) - part.steering) ** 2).mean()
+    (loss + 0.01 * sum(p.square().sum() for p in reference.network.parameters())).backward()
+    reference.optimiser.step()
+    torch.testing.assert_close(weights(ours), weights(reference), atol=1e-5, rtol=1e-4)
+
+
+def test_weights_of_samples_count_in_the_loss(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    training, other = Training(CONFIG, *samples), Training(CONFIG, *samples)
+    part = whole(training)
+    next(training.steps([Batch(32, [lambda: part])]))
+    next(other.steps([Batch(32, [lambda: replace(part, weight=torch.linspace(0, 2, 32))])]))
+    assert not torch.equal(weights(training), weights(other))
+
+
+def test_an_unreadable_picture_does_not_end_the_training(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    Path(samples[0]["image"][0]).unlink()
+    Path(samples[1]["image"].iloc[0]).write_bytes(b"")
+    training = trained(samples, replace(CONFIG, epochs=1))
+    assert np.isfinite(training.history[0]["validation_mse"])
+    assert len(training.loader.unreadable) == 1
+
+
+def test_a_training_that_diverges_says_so(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    with pytest.raises(ValueError, match="diverged in epoch 1.*smaller --learning-rate than 1e"):
+        trained(samples, replace(CONFIG, learning_rate=1e30))
+
+
+def test_a_network_that_steers_the_same_for_all_pictures_is_dead(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    training = Training(CONFIG, *samples)
+    for parameter in training.parameters:
+        parameter.data.zero_()
+    with pytest.raises(ValueError, match="the network died in epoch 1: .*Try another --seed"):
+        training.validate()
+
+
+def test_the_learning_rate_warms_up_over_epochs(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    steps = math.ceil(len(samples[0]) / CONFIG.batch_size)
+    config = replace(CONFIG, schedule="constant", epochs=3, warm_up=2 * steps, learning_rate=0.5e-3)
+    training = Training(config, *samples)
+    rates = []
+    for epoch in range(3):
+        for _ in training.steps(training.loader.epoch(epoch)):
+            rates.append(training.optimiser.param_groups[0]["lr"])
+        training._end_epoch(1.0)
+    rising, after = rates[: 2 * steps], rates[2 * steps :]
+    assert rising == pytest.approx([0.5e-3 * (step + 1) / (2 * steps) for step in range(2 * steps)])
+    assert after == pytest.approx([0.5e-3] * steps)
+
+
+def test_huber_counts_large_errors_less(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    training = Training(replace(CONFIG, loss="huber", huber_delta=0.1), *samples)
+    small, large = training._losses(torch.tensor([0.01, 1.0]), torch.zeros(2)).tolist()
+    assert small == pytest.approx(0.01**2 / 2)
+    assert large == pytest.approx(0.1 * (1.0 - 0.05))
+
+
+def test_learning_rate_schedules() -> None:
+    assert learning_rate(replace(CONFIG, schedule="constant"), 2) == CONFIG.learning_rate
+    cosine = replace(CONFIG, schedule="cosine", epochs=10)
+    rates = [learning_rate(cosine, epoch) for epoch in range(10)]
+    assert rates[0] == CONFIG.learning_rate
+    assert rates == sorted(rates, reverse=True)
+    assert 0 < rates[-1] < 0.05 * CONFIG.learning_rate
+
+
+def test_an_absent_device_is_an_error_that_names_those_there_are() -> None:
+    with pytest.raises(ValueError, match="--device vulkan: not on this machine; here are: auto, cpu"):
+        choose_device("vulkan")
+
+
+def test_parts_add_up_to_the_whole_batch(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    training = Training(CONFIG, *samples)
+    part = whole(training)
+    halves = [replace(part, frames=part.frames[half], steering=part.steering[half], weight=part.weight[half],
+                      index=part.index[half]) for half in (slice(0, 20), slice(20, 32))]
+    together, error = training.gradients(read(part), 32)
+    (first, first_error), (second, second_error) = (training.gradients(read(half), 32) for half in halves)
+    for a, b, both in zip(first, second, together, strict=True):
+        torch.testing.assert_close(a + b, both, atol=1e-6, rtol=1e-3)
+    torch.testing.assert_close(first_error + second_error, error)
+
+
+def read(part: Part) -> Future[Part]:
+    future: Future[Part] = Future()
+    future.set_result(part)
+    return future
+
+
+def whole(training: Training) -> Part:
+    """The first batch of a training, in one part."""
+    parts = [part() for part in next(training.loader.epoch(0)).parts]
+    names = ("frames", "steering", "weight")
+    return Part(*(torch.cat([getattr(part, name) for part in parts]) for name in names),
+                index=np.concatenate([part.index for part in parts]))
+
+
+@pytest.mark.parametrize(("network", "device", "batch_size", "parts"), [
+    ("pilotnet", "cpu", 64, 2), ("pilotnet", "cpu", 24, 1), ("pilotnet", "cuda", 64, 1),
+    ("densenet", "cpu", 64, 1),  # normalises over the whole batch
+])
+def test_a_batch_is_divided_among_the_cores(network: str, device: str, batch_size: int, parts: int,
+                                            monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pilot.training.devices.CORES", 2)
+    assert parts_of_a_batch(build_network(network), torch.device(device), batch_size) == parts
+
+
+def test_a_training_on_a_gpu_is_the_same_but_for_rounding(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    """What is done for a GPU, done by the CPU: batches read ahead, augmented by the device."""
+    config = replace(CONFIG, epochs=1)
+    on_cpu, on_device = trained(samples, config), Training(config, *samples)
+    on_device.loader.for_gpu, on_device.loader.parts = True, 1
+    on_device.run(lambda _: None, quiet)
+    assert on_device.history[0]["training_mse"] == pytest.approx(on_cpu.history[0]["training_mse"], rel=0.05)
+
+
+def test_configurations_survive_as_plain_values() -> None:
+    from pilot.model.checkpoint import plain
+
+    config = replace(CONFIG, data=(Path("a"), Path("b")), augment=AugmentConfig(crop_top=(0.1, 0.2)))
+    assert config_from_plain(plain(config)) == config
