@@ -13,7 +13,7 @@ from pilot.driving.controller import SpeedConfig
 
 
 @dataclass(frozen=True)
-class DriveConfig:
+class ServeConfig:
     """Serve the simulator (Autonomous mode): steer by a trained model, hold a set speed."""
 
     model: tyro.conf.Positional[Path]
@@ -31,7 +31,6 @@ class DriveConfig:
     the next, which are 0.04 there."""
     drive: tyro.conf.OmitArgPrefixes[SpeedConfig] = field(default_factory=SpeedConfig)
 
-
     def check(self) -> None:
         """Refuse values that cannot work.
 
@@ -45,7 +44,7 @@ class DriveConfig:
 
 def main(arguments: Sequence[str]) -> int:
     """Serve until Ctrl-C; returns the exit code."""
-    config = tyro.cli(DriveConfig, prog="drive.py", args=arguments)
+    config = tyro.cli(ServeConfig, prog="drive.py", args=arguments)
     logging.basicConfig(level=logging.ERROR, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     logging.getLogger("pilot").setLevel(logging.INFO)
     try:
@@ -59,7 +58,7 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def serve(config: DriveConfig) -> None:
+def serve(config: ServeConfig) -> None:
     """Load the model, listen, drive.
 
     Raises:
@@ -83,8 +82,11 @@ def serve(config: DriveConfig) -> None:
     recorder = Recorder(config.run, overwrite=config.overwrite) if config.run else None
     observers = [state.observe, *([recorder.observe] if recorder else []), *([clock.tick] if clock else [])]
     server = DriveServer(autopilot, observers)
-    print(f"{config.model} ({driver.model.name}) is ready at {config.drive.speed:g} mph. Start the simulator in "
-          f"autonomous mode; watch at http://{config.host}:{config.port}/ (Ctrl-C ends)", flush=True)
+    print(
+        f"{config.model} ({driver.model.name}) is ready at {config.drive.speed:g} mph. Start the simulator in "
+        f"autonomous mode; watch at http://{config.host}:{config.port}/ (Ctrl-C ends)",
+        flush=True,
+    )
     try:
         server.serve(listener, create_page(state, driver.model))
     finally:

@@ -16,7 +16,7 @@ from pilot.evaluation.plan import Setup, expand_tracks
 
 if TYPE_CHECKING:
     from pilot.evaluation.closed_loop import MakeSteer
-    from pilot.evaluation.scores import Driven
+    from pilot.evaluation.scores import Trajectory
     from pilot.evaluation.table import Evaluation
     from pilot.evaluation.trials import Trial
 
@@ -112,9 +112,10 @@ def evaluate(config: EvaluationConfig) -> None:
     names = name_paths(config.models)
     drivers = {name: make_driver(path) for name, path in zip(names, config.models, strict=True)}
     trials = [*track_trials(config), *recording_trials(config)]
-    driven = drive_all(config, drivers, trials)
-    evaluations = [report(config.out / name, name, {trial: driven[name, trial.title] for trial in trials})
-                   for name in names]
+    trajectories = drive_all(config, drivers, trials)
+    evaluations = [
+        report(config.out / name, name, {trial: trajectories[name, trial.title] for trial in trials}) for name in names
+    ]
     write_json(config.out / "scores.json", evaluations, asdict(config))
     print(table(evaluations), "", *map(verdict, evaluations), sep="\n")
     print(f"figures and pictures: {config.out}{os.sep}")
@@ -131,8 +132,11 @@ def track_trials(config: EvaluationConfig) -> "list[Trial]":
 
     for track in config.driven_tracks:
         load_track(track)
-    return [TrackTrial(track, light, config.seeds or (None,), config.setup, config.socket)
-            for track in config.driven_tracks for light in config.lights or (None,)]
+    return [
+        TrackTrial(track, light, config.seeds or (None,), config.setup, config.socket)
+        for track in config.driven_tracks
+        for light in config.lights or (None,)
+    ]
 
 
 def recording_trials(config: EvaluationConfig) -> "list[Trial]":
@@ -149,8 +153,16 @@ def recording_trials(config: EvaluationConfig) -> "list[Trial]":
     folders = [folder.resolve() for folder in config.recordings]
     named = list(zip(name_paths(folders), folders, strict=True))
     found = run_jobs(partial(prepare_trial, config.last_part), named, config.jobs)
-    prepared = dict(tqdm(found, "finding the road", len(config.recordings), unit=" recordings", leave=False,
-                         disable=not config.recordings))
+    prepared = dict(
+        tqdm(
+            found,
+            "finding the road",
+            len(config.recordings),
+            unit=" recordings",
+            leave=False,
+            disable=not config.recordings,
+        )
+    )
     return [prepared[number] for number in range(len(config.recordings))]
 
 
@@ -161,8 +173,10 @@ def name_paths(paths: Sequence[Path]) -> list[str]:
         ValueError: one of them is named twice.
     """
     stems = [path.stem for path in paths]
-    names = [stem if stems.count(stem) == 1 else "-".join(path.with_suffix("").parts).strip(os.sep + "-")
-             for stem, path in zip(stems, paths, strict=True)]
+    names = [
+        stem if stems.count(stem) == 1 else "-".join(path.with_suffix("").parts).strip(os.sep + "-")
+        for stem, path in zip(stems, paths, strict=True)
+    ]
     if len(set(names)) < len(names):
         raise ValueError("a model or a recording is named twice")
     return names
@@ -183,33 +197,47 @@ def make_driver(path: Path) -> "MakeSteer":
     return ModelDriver(path)
 
 
-def drive_all(config: EvaluationConfig, drivers: "dict[str, MakeSteer]", trials: "Sequence[Trial]",
-              ) -> "dict[tuple[str, str], list[Driven]]":
+def drive_all(
+    config: EvaluationConfig,
+    drivers: "dict[str, MakeSteer]",
+    trials: "Sequence[Trial]",
+) -> "dict[tuple[str, str], list[Trajectory]]":
     """Do the drives of every model and trial, several at the same time, with a bar; by model and title."""
     from tqdm import tqdm
 
     from pilot.workers import run_jobs
 
-    jobs = [((name, trial.title), job) for trial in trials for name, driver in drivers.items()
-            for job in trial.jobs(driver, config.out / name if config.video else None)]
-    done = dict(tqdm(run_jobs(operator.call, [job for _, job in jobs], config.jobs), "driving", len(jobs),
-                     unit=" drives", leave=False))
-    driven: dict[tuple[str, str], list[Driven]] = {key: [] for key, _ in jobs}
+    jobs = [
+        ((name, trial.title), job)
+        for trial in trials
+        for name, driver in drivers.items()
+        for job in trial.jobs(driver, config.out / name if config.video else None)
+    ]
+    done = dict(
+        tqdm(
+            run_jobs(operator.call, [job for _, job in jobs], config.jobs),
+            "driving",
+            len(jobs),
+            unit=" drives",
+            leave=False,
+        )
+    )
+    trajectory: dict[tuple[str, str], list[Trajectory]] = {key: [] for key, _ in jobs}
     for number, (key, _) in enumerate(jobs):
-        driven[key] += done[number]
-    return driven
+        trajectory[key] += done[number]
+    return trajectory
 
 
-def report(folder: Path, name: str, driven: "dict[Trial, list[Driven]]") -> "Evaluation":
+def report(folder: Path, name: str, trajectory: "dict[Trial, list[Trajectory]]") -> "Evaluation":
     """Measure what a model drove, and draw it into a folder."""
     from pilot.evaluation.scores import measure
     from pilot.evaluation.table import Evaluation
     from pilot.training.plots import save
 
-    rows = {trial: measure(trial.title, drives) for trial, drives in driven.items()}
+    rows = {trial: measure(trial.title, trajectories) for trial, trajectories in trajectory.items()}
     for trial, scores in rows.items():
-        save(trial.draw(f"{name}, {trial.title}", driven[trial], scores), folder / f"{trial.file}.png")
-    total = measure("all", [drive for drives in driven.values() for drive in drives])
+        save(trial.draw(f"{name}, {trial.title}", trajectory[trial], scores), folder / f"{trial.file}.png")
+    total = measure("all", [trajectory for trajectories in trajectory.values() for trajectory in trajectories])
     return Evaluation(name, tuple(rows.values()), total)
 
 

@@ -61,8 +61,11 @@ def record_if_empty(folder: Path) -> None:
 
     built_in = folder / BUILT_IN
     if not has_own_recordings(folder) and (missing := missing_demonstrations(built_in)):
-        print(f"There are no recordings in {folder}{os.sep}: the built-in simulator records demonstration laps, normal "
-              f"ones and recoveries, both ways round, into {built_in}{os.sep}", flush=True)
+        print(
+            f"There are no recordings in {folder}{os.sep}: the built-in simulator records demonstration laps, normal "
+            f"ones and recoveries, both ways round, into {built_in}{os.sep}",
+            flush=True,
+        )
         for _ in tqdm(record_demonstrations(built_in, missing), "recording", len(missing), unit=" tracks"):
             pass
 
@@ -100,16 +103,20 @@ def _resumed_options(arguments: Sequence[str], out: Path) -> TrainingConfig:
     from pilot.model.checkpoint import load_plain
     from pilot.training.session import STATE
 
-    state = load_plain(dataclasses.replace(TrainingConfig(), out=out).report / STATE,
-                       "there is no interrupted training to resume; start one without --resume")
+    state = load_plain(
+        dataclasses.replace(TrainingConfig(), out=out).report / STATE,
+        "there is no interrupted training to resume; start one without --resume",
+    )
     saved = config_from_plain(state["config"])
     config = tyro.cli(TrainingConfig, prog="model.py", args=arguments, default=dataclasses.replace(saved, data=()))
     config = dataclasses.replace(config, data=config.data or saved.data)
     for field in dataclasses.fields(config):
         before, now = getattr(saved, field.name), getattr(config, field.name)
         if before != now and field.name not in MAY_CHANGE:
-            raise ValueError(f"this training began with {field.name} {before}, not {now}: "
-                             "leave the option out, or start anew without --resume")
+            raise ValueError(
+                f"this training began with {field.name} {before}, not {now}: "
+                "leave the option out, or start anew without --resume"
+            )
     return config
 
 

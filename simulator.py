@@ -59,7 +59,7 @@ class RecordConfig:
 
 
 @dataclass(frozen=True)
-class DriveConfig:
+class ConnectConfig:
     """Be driven by drive.py, as the real simulator is: start `python drive.py model.pt` before or after."""
 
     headless: bool = False
@@ -83,7 +83,7 @@ def main(arguments: Sequence[str]) -> int:
         if arguments and arguments[0] == "record":
             return record(parse(RecordConfig, arguments))
         if arguments and arguments[0] == "drive":
-            return drive(parse(DriveConfig, arguments))
+            return connect(parse(ConnectConfig, arguments))
         return by_hand(tyro.cli(WindowConfig, prog="simulator.py", args=arguments))
     except KeyboardInterrupt:
         print("\nInterrupted.", file=sys.stderr)
@@ -103,8 +103,13 @@ def record(config: RecordConfig) -> int:
     from pilot.simulator.record import record as record_expert
 
     with tqdm(total=100, desc=config.road.name, unit="%", bar_format="{desc}: {percentage:3.0f}%|{bar}|") as bar:
-        rows = record_expert(config.road.name, config.plan, config.out, light=config.road.light,
-                             on_progress=lambda done: bar.update(round(100 * done) - bar.n))
+        rows = record_expert(
+            config.road.name,
+            config.plan,
+            config.out,
+            light=config.road.light,
+            on_progress=lambda done: bar.update(round(100 * done) - bar.n),
+        )
     print(f"{rows} moments in {config.out}. To learn from them: python model.py --data {config.out}")
     return 0
 
@@ -117,7 +122,7 @@ def by_hand(config: WindowConfig) -> int:
     return 0
 
 
-def drive(config: DriveConfig) -> int:
+def connect(config: ConnectConfig) -> int:
     """Be driven, in a window or without."""
     from pilot.simulator.simulator import Simulator
     from pilot.simulator.wire.client import Client
@@ -126,9 +131,15 @@ def drive(config: DriveConfig) -> int:
         raise ValueError("--fast: a window shows real time; add --headless")
     with Simulator() as simulator, tqdm(total=config.laps, unit=" laps", disable=config.laps is None) as bar:
         simulator.reset(config.road.name, light=config.road.light)
-        client = Client(simulator.drive, lambda _: simulator.look()["center"], host=config.host, port=config.port,
-                        realtime=not config.fast, laps=config.laps,
-                        on_tick=lambda _: show_laps(bar, simulator.drive.laps))
+        client = Client(
+            simulator.episode,
+            lambda _: simulator.look()["center"],
+            host=config.host,
+            port=config.port,
+            realtime=not config.fast,
+            laps=config.laps,
+            on_tick=lambda _: show_laps(bar, simulator.episode.laps),
+        )
         if config.headless:
             client.run()
         else:
@@ -142,7 +153,7 @@ def show(simulator: "Simulator", client: "Client", title: str) -> None:
     from pilot.simulator.window.window import Window
 
     try:
-        with Window(simulator.drive, simulator.renderer.scene, title=title) as window:
+        with Window(simulator.episode, simulator.renderer.scene, title=title) as window:
             window.run(client)
     finally:
         client.close()

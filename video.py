@@ -54,17 +54,22 @@ def make(config: ClipConfig) -> None:
     """
     from tqdm import tqdm
 
-    from pilot.video.clip import make_clip, read_moments
+    from pilot.video.clip import make_clip, read_log_entries
 
     if config.fps is not None and not 0 < config.fps <= 240:
         raise ValueError(f"--fps {config.fps:g}: must lie between 0 and 240")
     target = config.out or config.run.resolve().with_name(config.run.resolve().name + ".mp4")
-    if (config.wheel or config.speed or config.path) and config.run.is_dir() and not read_moments(config.run):
+    if (config.wheel or config.speed or config.path) and config.run.is_dir() and not read_log_entries(config.run):
         print(f"{config.run}: there is no driving_log.csv with it, so wheel, speed and path cannot be drawn")
-    made = make_clip(config.run, target, fps=config.fps, overlays=overlays(config),
-                     progress=lambda frames: tqdm(frames, unit=" frames", leave=False))
-    left_out = f"; {made.unreadable} pictures could not be read and were left out" if made.unreadable else ""
-    print(f"{target}: {made.frames} frames, {made.seconds:.1f} s{left_out}")
+    result = make_clip(
+        config.run,
+        target,
+        fps=config.fps,
+        overlays=overlays(config),
+        progress=lambda frames: tqdm(frames, unit=" frames", leave=False),
+    )
+    left_out = f"; {result.unreadable} pictures could not be read and were left out" if result.unreadable else ""
+    print(f"{target}: {result.frames} frames, {result.seconds:.1f} s{left_out}")
 
 
 def overlays(config: ClipConfig) -> "Overlays":

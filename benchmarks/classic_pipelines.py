@@ -76,12 +76,19 @@ def keras_rate(images: list[str], labels: list[float], batch_size: int, steps: i
     """Images a second of model.fit on a generator."""
     keras = importlib.import_module("tensorflow").keras  # the benchmark also runs without it
     layers = keras.layers
-    model = keras.Sequential([
-        layers.Input((160, 320, 3)), layers.Rescaling(1 / 255, -0.5), layers.Cropping2D(((70, 25), (0, 0))),
-        *[layers.Conv2D(maps, size, stride, activation="relu")
-          for maps, size, stride in ((24, 5, 2), (36, 5, 2), (48, 5, 2), (64, 3, 1), (64, 3, 1))],
-        layers.Flatten(), *[layers.Dense(units) for units in (1164, 100, 50, 10, 1)],
-    ])
+    model = keras.Sequential(
+        [
+            layers.Input((160, 320, 3)),
+            layers.Rescaling(1 / 255, -0.5),
+            layers.Cropping2D(((70, 25), (0, 0))),
+            *[
+                layers.Conv2D(maps, size, stride, activation="relu")
+                for maps, size, stride in ((24, 5, 2), (36, 5, 2), (48, 5, 2), (64, 3, 1), (64, 3, 1))
+            ],
+            layers.Flatten(),
+            *[layers.Dense(units) for units in (1164, 100, 50, 10, 1)],
+        ]
+    )
     model.compile(optimizer=keras.optimizers.Adam(1e-3), loss="mse")
 
     def batches() -> Iterator[tuple[NDArray[Any], NDArray[Any]]]:
@@ -127,8 +134,9 @@ def data_loader_rate(images: list[str], labels: list[float], batch_size: int, st
     sizes = (2112, 1164, 100, 50, 10, 1)
     network = nn.Sequential(*convolutions, nn.Flatten(), *itertools.starmap(nn.Linear, itertools.pairwise(sizes)))
     optimiser = torch.optim.Adam(network.parameters(), 1e-3)
-    loader = torch.utils.data.DataLoader(Samples(images, labels), batch_size, shuffle=True, num_workers=workers,
-                                         drop_last=True)
+    loader = torch.utils.data.DataLoader(
+        Samples(images, labels), batch_size, shuffle=True, num_workers=workers, drop_last=True
+    )
     endless = itertools.chain.from_iterable(loader for _ in itertools.count())
     began = 0.0
     for number, (pictures, steering) in enumerate(itertools.islice(endless, WARM_UP + steps)):

@@ -35,21 +35,29 @@ def variants(group: str, base: TrainingConfig) -> Iterator[tuple[str, TrainingCo
         yield from RECIPES.items()
     if group == "augmentations":
         yield "default", base
-        yield from ((f"no {name}", replace(base, augment=replace(augment, **{name: 0.0})))  # type: ignore[arg-type]
-                    for name in ("flip", "brightness", "shadow", "viewpoint"))
+        yield from (
+            (f"no {name}", replace(base, augment=replace(augment, **{name: 0.0})))  # type: ignore[arg-type]
+            for name in ("flip", "brightness", "shadow", "viewpoint")
+        )
         yield "with rotation of 5 degrees", replace(base, augment=replace(augment, rotation=0.5))
         yield "with rotation of 45 degrees", replace(base, augment=replace(augment, rotation=0.5, rotation_degrees=45))
         yield "with random height crop", replace(base, augment=replace(augment, crop=0.5))
         yield "none at all", replace(base, augment=RECIPES["nvidia-rotations"].augment)
         yield "centre camera only", replace(base, samples=replace(samples, cameras="center"))
     if group == "balancing":
-        yield from ((name, replace(base, samples=replace(samples, balance=name)))
-                    for name in ("none", "drop-zeros", "spikes", "cap", "weight"))
+        yield from (
+            (name, replace(base, samples=replace(samples, balance=name)))
+            for name in ("none", "drop-zeros", "spikes", "cap", "weight")
+        )
     if group == "labels":
-        yield from ((f"smoothed over {seconds} s", replace(base, samples=replace(samples, smooth_seconds=seconds)))
-                    for seconds in (0.0, 0.5, 1.0))
-        yield from ((f"side correction {value}", replace(base, samples=replace(samples, side_correction=value)))
-                    for value in (0.05, 0.1, 0.2))
+        yield from (
+            (f"smoothed over {seconds} s", replace(base, samples=replace(samples, smooth_seconds=seconds)))
+            for seconds in (0.0, 0.5, 1.0)
+        )
+        yield from (
+            (f"side correction {value}", replace(base, samples=replace(samples, side_correction=value)))
+            for value in (0.05, 0.1, 0.2)
+        )
         yield "side cameras by the geometric rule", replace(base, samples=replace(samples, side_rule="geometric"))
         yield "huber loss", replace(base, loss="huber")
         yield from ((f"l2 {value:g}", replace(base, l2=value)) for value in (0.0, 1e-5, 1e-4, 1e-3))
@@ -62,11 +70,18 @@ def measure(config: TrainingConfig, rows: pd.DataFrame) -> dict[str, float]:
     run.run(lambda _: None, lambda batches, count, title: tqdm(batches, title, count, leave=False))
     seconds = time.monotonic() - began
     run.take(run.best)
-    measured = report.measure(run)
-    smoothed = {f"smooth_{name}": value for name, value in asdict(measured.smoothed).items() if name != "count"}
-    return {"parameters": count_parameters(run.network), "samples": len(training),
-            "images/s": pd.DataFrame(run.history)["images_per_second"].median(), "epochs": run.epoch,
-            "best epoch": run.best["epoch"], "minutes": seconds / 60, **asdict(measured.recorded), **smoothed}
+    result = report.measure(run)
+    smoothed = {f"smooth_{name}": value for name, value in asdict(result.smoothed).items() if name != "count"}
+    return {
+        "parameters": count_parameters(run.network),
+        "samples": len(training),
+        "images/s": pd.DataFrame(run.history)["images_per_second"].median(),
+        "epochs": run.epoch,
+        "best epoch": run.best["epoch"],
+        "minutes": seconds / 60,
+        **asdict(result.recorded),
+        **smoothed,
+    }
 
 
 def main() -> None:

@@ -72,8 +72,11 @@ def ways(model: Model) -> Iterator[tuple[str, Steer]]:
         yield f"frozen (drive.py), {threads} threads", functools.partial(_driven, driver)
 
 
-def _through(network: Callable[[torch.Tensor], torch.Tensor], decode: Callable[[dict[str, str]], torch.Tensor],
-             message: dict[str, str]) -> float:
+def _through(
+    network: Callable[[torch.Tensor], torch.Tensor],
+    decode: Callable[[dict[str, str]], torch.Tensor],
+    message: dict[str, str],
+) -> float:
     return float(network(decode(message)))
 
 
@@ -177,11 +180,15 @@ def main() -> None:
             for _ in range(options.rounds):
                 for server, command in servers.items():
                     with serving(command, options.port, folder):
-                        seconds, rate = on_the_wire(options.port, message, steers // options.rounds,
-                                                    on_the_way=on_the_way, pause=pause)
+                        seconds, rate = on_the_wire(
+                            options.port, message, steers // options.rounds, on_the_way=on_the_way, pause=pause
+                        )
                     rates.setdefault(server, []).append(rate)
-                    print(f"{title}, {server}: {len(seconds)} steers, {rate:.0f} answers/s, "
-                          f"p50 {percentile(seconds, 50):.2f} ms, p99 {percentile(seconds, 99):.2f} ms", flush=True)
+                    print(
+                        f"{title}, {server}: {len(seconds)} steers, {rate:.0f} answers/s, "
+                        f"p50 {percentile(seconds, 50):.2f} ms, p99 {percentile(seconds, 99):.2f} ms",
+                        flush=True,
+                    )
             ratio = np.median(rates["drive.py"]) / np.median(rates["original"])
             print(f"{title}: drive.py answers {ratio:.2f} times as often", flush=True)
 

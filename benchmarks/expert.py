@@ -11,32 +11,35 @@ from tqdm import tqdm
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from pilot.simulator.catalogue import NAMED, load_course
-from pilot.simulator.drive import Drive, State
+from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.expert import Expert
 
 SPEED = 30.0  # mph
 
 
-def laps(name: str, count: int, *, backwards: bool) -> list[State]:
+def laps(name: str, count: int, *, backwards: bool) -> list[CarState]:
     """Every state of some laps."""
     track = load_course(name).track
-    drive = Drive(track.reversed() if backwards else track)
-    expert = Expert(drive, SPEED)
+    episode = Episode(track.reversed() if backwards else track)
+    expert = Expert(episode, SPEED)
     states = []
-    while drive.laps < count:
-        states.append(drive.advance(*expert.command()))
+    while episode.laps < count:
+        states.append(episode.advance(*expert.command()))
     return states
 
 
 def row(title: str, names: Sequence[str], count: int) -> str:
     """A line of the table about `count` laps of each track in each direction."""
     drives = [laps(name, count, backwards=way) for name in tqdm(names, title, leave=False) for way in (False, True)]
-    departures = sum(before.on_road and not after.on_road for states in drives
-                     for before, after in itertools.pairwise(states))
+    departures = sum(
+        before.on_road and not after.on_road for states in drives for before, after in itertools.pairwise(states)
+    )
     offsets = np.abs([state.offset for states in drives for state in states])
     speed = np.mean([state.speed for states in drives for state in states])
-    return (f"| {title} | {count * len(drives)} | {departures} | {offsets.mean():.2f} | "
-            f"{np.percentile(offsets, 95):.2f} | {offsets.max():.2f} | {speed:.1f} |")
+    return (
+        f"| {title} | {count * len(drives)} | {departures} | {offsets.mean():.2f} | "
+        f"{np.percentile(offsets, 95):.2f} | {offsets.max():.2f} | {speed:.1f} |"
+    )
 
 
 def main() -> None:

@@ -35,8 +35,11 @@ from pilot.workers import run_jobs
 
 WANDERING = Demonstration(laps=1, rate=10, wander=0.5)
 PATH_LIMITS = (1.0, 2.0)
-PREDICTORS = {"mse": "mean squared error", "road": "replay, by the road",
-              **{f"path {limit:g} m": f"replay, by the driver's path, {limit:g} m" for limit in PATH_LIMITS}}
+PREDICTORS = {
+    "mse": "mean squared error",
+    "road": "replay, by the road",
+    **{f"path {limit:g} m": f"replay, by the driver's path, {limit:g} m" for limit in PATH_LIMITS},
+}
 
 
 def record_missing(folder: Path, track: str) -> Path:
@@ -53,8 +56,17 @@ def judge(folder: Path, track: str, models: list[Path]) -> list[dict[str, object
     """Every figure of some models on a track."""
     rows = read_driving_logs([record_missing(folder, track)]).rows
     recording = prepare(rows)
-    return [{"model": path.stem, "track": track, "reference": recording.reference, "clarity": recording.clarity,
-             **_true(path, track), **_predicted(ModelDriver(path)(), rows, recording)} for path in models]
+    return [
+        {
+            "model": path.stem,
+            "track": track,
+            "reference": recording.reference,
+            "clarity": recording.clarity,
+            **_true(path, track),
+            **_predicted(ModelDriver(path)(), rows, recording),
+        }
+        for path in models
+    ]
 
 
 def _true(path: Path, track: str) -> dict[str, float]:
@@ -76,8 +88,12 @@ def correlations(results: pd.DataFrame) -> pd.DataFrame:
     """Rank correlation (Spearman) of each predictor with the true autonomy: on each track, and of the models' means."""
     parts = dict(list(results.groupby("track")))
     parts["mean of the tracks"] = results.groupby("model").mean(numeric_only=True)
-    return pd.DataFrame({name: {title: part["autonomy"].corr(part[column], "spearman")
-                                for column, title in PREDICTORS.items()} for name, part in parts.items()}).T
+    return pd.DataFrame(
+        {
+            name: {title: part["autonomy"].corr(part[column], "spearman") for column, title in PREDICTORS.items()}
+            for name, part in parts.items()
+        }
+    ).T
 
 
 def draw(results: pd.DataFrame) -> Figure:
@@ -103,8 +119,10 @@ def main() -> None:
     results_file = options.data / "results.csv"
     options.data.mkdir(parents=True, exist_ok=True)
     results = pd.read_csv(results_file) if results_file.exists() else pd.DataFrame(columns=["model", "track"])
-    jobs = [(track, [path for path in options.models if path.stem not in set(results[results.track == track].model)])
-            for track in expand_tracks(options.tracks)]
+    jobs = [
+        (track, [path for path in options.models if path.stem not in set(results[results.track == track].model)])
+        for track in expand_tracks(options.tracks)
+    ]
     todo = [functools.partial(judge, options.data, *job) for job in jobs if job[1]]
     for _, rows in tqdm(run_jobs(operator.call, todo), "tracks", len(todo)):
         results = pd.concat([results, pd.DataFrame(rows)])

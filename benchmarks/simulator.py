@@ -34,11 +34,16 @@ def measure(track: str) -> Figures:
     scene, one = rendering(track, ("center",))
     _, three = rendering(track, CAMERAS)
     lap, times_real = lap_with_pictures(track)
-    return {"scene, s": scene, "one camera, frames/s": one, "three cameras, sets/s": three,
-            "a lap with one camera, s": lap, "the same, times real time": times_real,
-            "physics, times real time": physics(track),
-            "most memory, MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-            "all of this, s": time.perf_counter() - began}
+    return {
+        "scene, s": scene,
+        "one camera, frames/s": one,
+        "three cameras, sets/s": three,
+        "a lap with one camera, s": lap,
+        "the same, times real time": times_real,
+        "physics, times real time": physics(track),
+        "most memory, MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "all of this, s": time.perf_counter() - began,
+    }
 
 
 def rendering(track: str, cameras: tuple[str, ...]) -> tuple[float, float]:
@@ -51,7 +56,7 @@ def rendering(track: str, cameras: tuple[str, ...]) -> tuple[float, float]:
         built = time.perf_counter() - began
         began = time.perf_counter()
         for place in range(PLACES):
-            simulator.drive.place(place / PLACES * simulator.drive.track.length)
+            simulator.episode.place(place / PLACES * simulator.episode.track.length)
             simulator.look()
         return built, PLACES / (time.perf_counter() - began)
 
@@ -59,15 +64,15 @@ def rendering(track: str, cameras: tuple[str, ...]) -> tuple[float, float]:
 def physics(track: str) -> float:
     """How many times as fast as real the expert drives without pictures."""
     from pilot.simulator.catalogue import load_track
-    from pilot.simulator.drive import Drive
+    from pilot.simulator.episode import Episode
     from pilot.simulator.expert import Expert
 
-    drive = Drive(load_track(track))
-    expert = Expert(drive, 30.0)
+    episode = Episode(load_track(track))
+    expert = Expert(episode, 30.0)
     began = time.perf_counter()
     for _ in range(3000):
-        drive.advance(*expert.command())
-    return drive.state.time / (time.perf_counter() - began)
+        episode.advance(*expert.command())
+    return episode.state.time / (time.perf_counter() - began)
 
 
 def lap_with_pictures(track: str) -> tuple[float, float]:
@@ -77,12 +82,12 @@ def lap_with_pictures(track: str) -> tuple[float, float]:
 
     with Simulator() as simulator:
         simulator.reset(track)
-        expert = Expert(simulator.drive, 30.0)
+        expert = Expert(simulator.episode, 30.0)
         began = time.perf_counter()
-        while simulator.drive.laps < 1:
+        while simulator.episode.laps < 1:
             simulator.step(*expert.command())
         seconds = time.perf_counter() - began
-        return seconds, simulator.drive.state.time / seconds
+        return seconds, simulator.episode.state.time / seconds
 
 
 # Side by side
@@ -98,8 +103,19 @@ def measure_apart(checkout: Path, track: str) -> Figures:
 def evaluate(checkout: Path, track: str, jobs: int) -> Figures:
     """Laps a minute of wall time that a whole evaluation drives, from its start to its tables and pictures."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "evaluate.py", MODEL, "--tracks", track, "--jobs", str(jobs), "--out", folder,
-                   "--seeds", *map(str, range(1, EVALUATED_LAPS + 1))]
+        command = [
+            sys.executable,
+            "evaluate.py",
+            MODEL,
+            "--tracks",
+            track,
+            "--jobs",
+            str(jobs),
+            "--out",
+            folder,
+            "--seeds",
+            *map(str, range(1, EVALUATED_LAPS + 1)),
+        ]
         began = time.perf_counter()
         subprocess.run(command, cwd=checkout, check=True, capture_output=True)
         return {f"evaluation, {jobs} at once, laps a minute": EVALUATED_LAPS / (time.perf_counter() - began) * 60}
@@ -109,13 +125,18 @@ def compare(track: str, checkouts: list[Path], options: argparse.Namespace) -> N
     """Print the medians of a track for each checkout, and the ratios."""
     rounds: list[list[Figures]] = [[] for _ in checkouts]
     for _ in range(options.rounds):
-        for checkout, measured in zip(checkouts, rounds, strict=True):
+        for checkout, result in zip(checkouts, rounds, strict=True):
             jobs = (1, os.cpu_count() or 1) if options.evaluation else ()
             evaluated = [evaluate(checkout, track, number) for number in jobs]
-            measured.append({name: value for figures in (measure_apart(checkout, track), *evaluated)
-                             for name, value in figures.items()})
+            result.append(
+                {
+                    name: value
+                    for figures in (measure_apart(checkout, track), *evaluated)
+                    for name, value in figures.items()
+                }
+            )
     for name in rounds[0][0]:
-        values = [statistics.median(figures[name] for figures in measured) for measured in rounds]
+        values = [statistics.median(figures[name] for figures in result) for result in rounds]
         ratio = f" {values[1] / values[0]:.2f} |" if len(values) > 1 else ""
         print(f"| {track} | {name} | " + " | ".join(f"{value:.3g}" for value in values) + f" |{ratio}", flush=True)
 
@@ -136,8 +157,12 @@ def main() -> None:
         return
     checkouts = [options.against, REPOSITORY] if options.against else [REPOSITORY]
     columns = ["before", "now", "ratio"] if options.against else ["now"]
-    print(f"{os.cpu_count()} cores\n\n| track | medians of {options.rounds} | " + " | ".join(columns) + " |\n|---|---|"
-          + "---:|" * len(columns))
+    print(
+        f"{os.cpu_count()} cores\n\n| track | medians of {options.rounds} | "
+        + " | ".join(columns)
+        + " |\n|---|---|"
+        + "---:|" * len(columns)
+    )
     for track in options.tracks:
         compare(track, checkouts, options)
 

@@ -74,8 +74,10 @@ def stages(training: Training) -> dict[str, float]:
     kept = [training.cache.read(path) for path in paths]
 
     def warp() -> list[Any]:
-        return [render(frame, drawn.homographies[number], loader.rows, training.cache.rows[0])
-                for number, frame in zip(numbers, kept, strict=True)]
+        return [
+            render(frame, drawn.homographies[number], loader.rows, training.cache.rows[0])
+            for number, frame in zip(numbers, kept, strict=True)
+        ]
 
     warped = warp()
     part = next(loader.epoch(0)).parts[0]()
@@ -123,19 +125,34 @@ def operations(name: str, layer: nn.Module, given: Tensor, returned: Tensor, *, 
         backward = torch.ops.aten.convolution_backward
 
         def run(wanted: list[bool]) -> object:
-            return backward(gradient, given, layer.weight, [layer.out_channels], layer.stride, [0, 0], [1, 1], False,
-                            [0, 0], 1, wanted)
+            return backward(
+                gradient,
+                given,
+                layer.weight,
+                [layer.out_channels],
+                layer.stride,
+                [0, 0],
+                [1, 1],
+                False,
+                [0, 0],
+                1,
+                wanted,
+            )
 
-        passes = [Operation(f"{name} forward", flop, layer.out_channels, lambda: layer(given)),
-                  Operation(f"{name} input gradient", flop, layer.in_channels, lambda: run([True, False, False])),
-                  Operation(f"{name} weight gradient", flop, layer.out_channels, lambda: run([False, True, True]))]
+        passes = [
+            Operation(f"{name} forward", flop, layer.out_channels, lambda: layer(given)),
+            Operation(f"{name} input gradient", flop, layer.in_channels, lambda: run([True, False, False])),
+            Operation(f"{name} weight gradient", flop, layer.out_channels, lambda: run([False, True, True])),
+        ]
     else:
         weight = layer.weight
         assert isinstance(weight, Tensor)
         flop = 2.0 * len(given) * weight.numel()
-        passes = [Operation(f"{name} forward", flop, len(weight), lambda: layer(given)),
-                  Operation(f"{name} input gradient", flop, weight.shape[1], lambda: gradient @ weight),
-                  Operation(f"{name} weight gradient", flop, weight.shape[1], lambda: gradient.T @ given)]
+        passes = [
+            Operation(f"{name} forward", flop, len(weight), lambda: layer(given)),
+            Operation(f"{name} input gradient", flop, weight.shape[1], lambda: gradient @ weight),
+            Operation(f"{name} weight gradient", flop, weight.shape[1], lambda: gradient.T @ given),
+        ]
     return [step for step in passes if not (first and "input" in step.name)]
 
 
@@ -145,8 +162,11 @@ def print_operations(name: str) -> None:
     network = build_network(name, 0)
     frames, steering = torch.randint(0, 256, (PICTURES, 160, 320, 3), dtype=torch.uint8), torch.zeros(PICTURES)
     seen: list[tuple[nn.Module, Tensor, Tensor]] = []
-    hooks = [layer.register_forward_hook(lambda layer, given, returned: seen.append((layer, given[0], returned)))
-             for layer in network.modules() if isinstance(layer, nn.Conv2d | nn.Linear)]
+    hooks = [
+        layer.register_forward_hook(lambda layer, given, returned: seen.append((layer, given[0], returned)))
+        for layer in network.modules()
+        if isinstance(layer, nn.Conv2d | nn.Linear)
+    ]
     network(frames)
     a, b = torch.randn(1024, 1024), torch.randn(1024, 1024)
     roofline = 2 * 1024**3 / seconds(lambda: a @ b)
@@ -157,8 +177,11 @@ def print_operations(name: str) -> None:
 
     for hook in hooks:
         hook.remove()
-    passes = [one for number, (layer, given, returned) in enumerate(seen)
-              for one in operations(f"{type(layer).__name__} {number + 1}", layer, given, returned, first=number == 0)]
+    passes = [
+        one
+        for number, (layer, given, returned) in enumerate(seen)
+        for one in operations(f"{type(layer).__name__} {number + 1}", layer, given, returned, first=number == 0)
+    ]
     times = [seconds(one.run) for one in passes]
     whole = seconds(step)
     print(f"\nroofline {roofline / 1e9:.0f} GFLOP/s on one thread; {name}, {PICTURES} pictures\n")
@@ -166,13 +189,19 @@ def print_operations(name: str) -> None:
     for one, took in zip(passes, times, strict=True):
         if took > 0.01 * whole:
             lanes = one.channels / (-(-one.channels // LANES) * LANES)
-            print(f"| {one.name} | {took * 1e3:.2f} | {took / whole:.0%} | {one.flop / took / 1e9:.0f} | "
-                  f"{one.flop / took / roofline:.2f} | {lanes:.2f} |")
+            print(
+                f"| {one.name} | {took * 1e3:.2f} | {took / whole:.0%} | {one.flop / took / 1e9:.0f} | "
+                f"{one.flop / took / roofline:.2f} | {lanes:.2f} |"
+            )
     flop, layers = sum(one.flop for one in passes), sum(times)
-    print(f"| all layers | {layers * 1e3:.2f} | {layers / whole:.0%} | {flop / layers / 1e9:.0f} | "
-          f"{flop / layers / roofline:.2f} | |")
-    print(f"| forward and backward | {whole * 1e3:.2f} | 100% | {flop / whole / 1e9:.0f} | "
-          f"{flop / whole / roofline:.2f} | |")
+    print(
+        f"| all layers | {layers * 1e3:.2f} | {layers / whole:.0%} | {flop / layers / 1e9:.0f} | "
+        f"{flop / layers / roofline:.2f} | |"
+    )
+    print(
+        f"| forward and backward | {whole * 1e3:.2f} | 100% | {flop / whole / 1e9:.0f} | "
+        f"{flop / whole / roofline:.2f} | |"
+    )
 
 
 def main() -> None:

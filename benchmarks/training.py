@@ -60,8 +60,11 @@ def made_up_recording(moments: int = 400) -> Iterator[Path]:
             for camera in CAMERAS:
                 coarse = rng.integers(60, 200, (20, 40, 3), dtype=np.uint8)
                 frame = cv2.resize(coarse, (320, 160)).astype(int) + rng.integers(-9, 10, (160, 320, 1))
-                cv2.imwrite(str(folder / "IMG" / f"{camera}_{stamp}.jpg"), frame.clip(0, 255).astype(np.uint8),
-                            [cv2.IMWRITE_JPEG_QUALITY, 75])
+                cv2.imwrite(
+                    str(folder / "IMG" / f"{camera}_{stamp}.jpg"),
+                    frame.clip(0, 255).astype(np.uint8),
+                    [cv2.IMWRITE_JPEG_QUALITY, 75],
+                )
             names = ",".join(f"IMG/{camera}_{stamp}.jpg" for camera in CAMERAS)
             lines.append(f"{names},{rng.normal(0, 0.2):.4f},1,0,30")
         (folder / LOG_NAME).write_text("\n".join(lines))
@@ -114,8 +117,9 @@ def flop_per_image(name: str) -> float:
 def prepare(options: argparse.Namespace, *, cached: bool) -> Training:
     """A training of this recording; `cached`: with all pictures decoded."""
     keep_memory()
-    config = replace(RECIPES["default"], network=options.network, batch_size=options.batch_size,
-                     cache_gb=options.cache_gb)
+    config = replace(
+        RECIPES["default"], network=options.network, batch_size=options.batch_size, cache_gb=options.cache_gb
+    )
     cache = make_cache(config)
     rows = read_driving_logs([options.data], cache=cache).rows
     samples = make_samples(rows, config.samples, 0)
@@ -137,8 +141,20 @@ def rate_of(training: Training, batches: Iterable[Batch], steps: int) -> float:
 
 def measure_apart(way: str, options: argparse.Namespace, data: Path) -> tuple[float, float]:
     """Images a second, and the most memory in MB, of one way to train; not a number where it cannot run."""
-    arguments = ["--measure", way, "--data", str(data), "--network", options.network, "--cache-gb",
-                 str(options.cache_gb), "--batch-size", str(options.batch_size), "--steps", str(options.steps)]
+    arguments = [
+        "--measure",
+        way,
+        "--data",
+        str(data),
+        "--network",
+        options.network,
+        "--cache-gb",
+        str(options.cache_gb),
+        "--batch-size",
+        str(options.batch_size),
+        "--steps",
+        str(options.steps),
+    ]
     quiet = {**os.environ, "TF_CPP_MIN_LOG_LEVEL": "3", "XDG_CACHE_HOME": str(options.cache)}
     command = [sys.executable, __file__, *arguments]
     done = subprocess.run(command, env=quiet, capture_output=True, text=True, check=False)
@@ -157,15 +173,23 @@ def compare(options: argparse.Namespace, data: Path) -> None:
         shown = ", ".join(f"{way} {rate:.0f}" for way, rate in zip(options.ways, rounds[-1], strict=True))
         print(f"round {number + 1}, images/s: {shown}", flush=True)
     columns = dict(zip(options.ways, zip(*rounds, strict=True), strict=True))
-    print(f"\n{options.network}, batch {options.batch_size}, {os.cpu_count()} cores"
-          f"{', one of them busy with something else' if options.load else ''}; medians of {options.rounds}:")
-    for name, above, below in (("pure / roofline", "pure", "roofline"), ("pipeline / pure", "pipeline", "pure"),
-                               ("first epoch's pipeline / pure", "first", "pure"),
-                               ("pipeline / keras", "pipeline", "keras"), ("pipeline / loader", "pipeline", "loader")):
+    print(
+        f"\n{options.network}, batch {options.batch_size}, {os.cpu_count()} cores"
+        f"{', one of them busy with something else' if options.load else ''}; medians of {options.rounds}:"
+    )
+    for name, above, below in (
+        ("pure / roofline", "pure", "roofline"),
+        ("pipeline / pure", "pipeline", "pure"),
+        ("first epoch's pipeline / pure", "first", "pure"),
+        ("pipeline / keras", "pipeline", "keras"),
+        ("pipeline / loader", "pipeline", "loader"),
+    ):
         if above in columns and below in columns:
             ratios = [a / b for a, b in zip(columns[above], columns[below], strict=True)]
-            print(f"{name}: {statistics.median(ratios):.2f}  "
-                  f"({statistics.median(columns[above]):.0f} / {statistics.median(columns[below]):.0f} images/s)")
+            print(
+                f"{name}: {statistics.median(ratios):.2f}  "
+                f"({statistics.median(columns[above]):.0f} / {statistics.median(columns[below]):.0f} images/s)"
+            )
 
 
 def grow(options: argparse.Namespace, data: Path) -> None:
@@ -174,17 +198,19 @@ def grow(options: argparse.Namespace, data: Path) -> None:
     sizes = {max(round(size / own), 1) * own: options.cache / str(size) for size in options.sizes}
     for size, folder in sizes.items():
         multiply(data, folder, size // own)
-    measured: dict[int, list[tuple[float, float]]] = {size: [] for size in sizes}
+    result: dict[int, list[tuple[float, float]]] = {size: [] for size in sizes}
     for number in range(options.rounds):
         for size, folder in sizes.items():
             apart = argparse.Namespace(**{**vars(options), "cache": folder / "cache"})
-            measured[size].append(measure_apart("pipeline", apart, folder))
-        shown = ", ".join(f"{1000 / rounds[-1][0]:.2f} ({size} pictures)" for size, rounds in measured.items())
+            result[size].append(measure_apart("pipeline", apart, folder))
+        shown = ", ".join(f"{1000 / rounds[-1][0]:.2f} ({size} pictures)" for size, rounds in result.items())
         print(f"round {number + 1}, ms an image: {shown}", flush=True)
     print(f"\nmedians of {options.rounds}:")
-    for size, rounds in measured.items():
-        print(f"{size} pictures: {1000 / statistics.median(rate for rate, _ in rounds):.2f} ms an image, "
-              f"most memory {max(memory for _, memory in rounds):.0f} MB")
+    for size, rounds in result.items():
+        print(
+            f"{size} pictures: {1000 / statistics.median(rate for rate, _ in rounds):.2f} ms an image, "
+            f"most memory {max(memory for _, memory in rounds):.0f} MB"
+        )
 
 
 def multiply(data: Path, folder: Path, copies: int) -> None:

@@ -31,8 +31,13 @@ from pilot.data.log_format import CAMERAS
 from pilot.simulator.simulator import Simulator
 
 PORT = "4588"
-SHEET = {"lake": (0.03, 0.36, 0.535, 0.44), "jungle": (0.02, 0.2, 0.55, 0.84), "mountain": (0.05, 0.3, 0.55, 0.9),
-         "random:3": (0.1, 0.5), "random:12": (0.1, 0.5)}
+SHEET = {
+    "lake": (0.03, 0.36, 0.535, 0.44),
+    "jungle": (0.02, 0.2, 0.55, 0.84),
+    "mountain": (0.05, 0.3, 0.55, 0.9),
+    "random:3": (0.1, 0.5),
+    "random:12": (0.1, 0.5),
+}
 """Places, as shares of the lap; of the first of each track all three cameras are shown."""
 
 
@@ -50,15 +55,17 @@ def draw_sheet(target: Path) -> None:
 
 
 def _seen(simulator: Simulator, place: float) -> dict[str, Frame]:
-    simulator.drive.place(place * simulator.drive.track.length)
+    simulator.episode.place(place * simulator.episode.track.length)
     return simulator.look()
 
 
 @contextlib.contextmanager
 def driving(model: Path, run: Path) -> Iterator[None]:
     """drive.py drives the lake in the built-in simulator, and records it."""
-    commands = (["drive.py", str(model), str(run), "--port", PORT],
-                ["simulator.py", "drive", "--track", "lake", "--headless", "--port", PORT])
+    commands = (
+        ["drive.py", str(model), str(run), "--port", PORT],
+        ["simulator.py", "drive", "--track", "lake", "--headless", "--port", PORT],
+    )
     processes = [subprocess.Popen([sys.executable, str(ROOT / script), *rest]) for script, *rest in commands]
     try:
         yield

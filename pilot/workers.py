@@ -15,8 +15,11 @@ Job = TypeVar("Job")
 Result = TypeVar("Result")
 
 
-def run_jobs(do: Callable[[Job], Result], jobs: Sequence[Job], processes: int | None = None,
-             ) -> Iterator[tuple[int, Result]]:
+def run_jobs(
+    do: Callable[[Job], Result],
+    jobs: Sequence[Job],
+    processes: int | None = None,
+) -> Iterator[tuple[int, Result]]:
     """Do jobs side by side; yields the number of each and its result as it is done.
 
     Args:

@@ -63,8 +63,14 @@ Recording = Callable[..., Path]
 def recording(tmp_path: Path) -> Recording:
     """Writes a recording of `moments`; lines(moment) may say how a line of the log reads."""
 
-    def write(name: str = "laps", moments: int = 60, line: Callable[[int], str] | None = None,
-              head: str = "", cameras: tuple[str, ...] = ("center", "left", "right"), end: str = "\n") -> Path:
+    def write(
+        name: str = "laps",
+        moments: int = 60,
+        line: Callable[[int], str] | None = None,
+        head: str = "",
+        cameras: tuple[str, ...] = ("center", "left", "right"),
+        end: str = "\n",
+    ) -> Path:
         folder = tmp_path / name
         lines = []
         for moment in range(moments):

@@ -40,9 +40,15 @@ def test_a_model_of_the_default_command_drives_the_lake(tmp_path: Path) -> None:
     assert "the built-in simulator records demonstration laps" in trained.stdout
     port = str(free_port())
     with serving(tmp_path, "model.pt", "--port", port, "--speed", "20", "--frame-seconds", "0.04"):
-        driven = subprocess.run(command("simulator.py", "drive", "--track", "lake", "--laps", str(LAPS), "--headless",
-                                        "--fast", "--port", port),
-                                cwd=tmp_path, capture_output=True, text=True, timeout=900)
+        driven = subprocess.run(
+            command(
+                "simulator.py", "drive", "--track", "lake", "--laps", str(LAPS), "--headless", "--fast", "--port", port
+            ),
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=900,
+        )
     assert driven.returncode == 0, driven.stderr
     print(trained.stdout, driven.stdout)
     laps = re.search(r"lake: ([\d.]+) laps", driven.stdout)

@@ -30,8 +30,9 @@ def test_every_row_of_real_recordings_is_read(recordings: Path, name: str, count
 
 
 def test_decimal_commas_read_like_the_same_log_with_points(recordings: Path) -> None:
-    commas, points = (read_driving_logs([recordings / "quirks" / name]).rows
-                      for name in ("decimal_comma", "absolute_posix_paths"))
+    commas, points = (
+        read_driving_logs([recordings / "quirks" / name]).rows for name in ("decimal_comma", "absolute_posix_paths")
+    )
     numbers = ["steering", "throttle", "brake", "speed"]
     np.testing.assert_array_equal(commas[numbers], points[numbers])
 
@@ -55,8 +56,9 @@ def line_rows(frame: np.ndarray) -> tuple[float, float] | None:
     for columns in (slice(0, 5), slice(315, 320)):
         strip = frame[80:136, columns].astype(float).mean(1)
         yellow = (strip[:, 0] + strip[:, 1]) / 2 - strip[:, 2]
-        ridge = [yellow[row] - max(yellow[row - 5 : row - 2].max(), yellow[row + 3 : row + 6].max())
-                 for row in range(5, 51)]
+        ridge = [
+            yellow[row] - max(yellow[row - 5 : row - 2].max(), yellow[row + 3 : row + 6].max()) for row in range(5, 51)
+        ]
         if max(ridge) < 20:
             return None
         rows.append(80 + 5 + float(np.argmax(ridge)))
@@ -76,10 +78,10 @@ def test_the_built_in_lakes_lines_meet_the_border_where_the_real_ones_do(recordi
     real = [found for path in rows["center"][straight] if (found := line_rows(read_frame(path)))]
     with Simulator() as simulator:
         simulator.reset("lake")
-        start = straightest(simulator.drive.track)
+        start = straightest(simulator.episode.track)
         differences = []
         for found in real:
-            simulator.drive.place(start, -offset_in(found))
+            simulator.episode.place(start, -offset_in(found))
             rendered = line_rows(simulator.look()["center"])
             if rendered:
                 differences.append(np.subtract(rendered, found))

@@ -162,14 +162,19 @@ def rows_seen(rows: tuple[int, int], config: AugmentConfig | None, rotation: flo
     views = [View(0.0)]
     if config and config.viewpoint:
         metres, radians = config.viewpoint_metres, math.radians(config.viewpoint_degrees)
-        views += [shift_viewpoint(view, side * metres, turn * radians, config.viewpoint_lookahead)
-                  for view in views for side in (-1, 1) for turn in (-1, 1)]
+        views += [
+            shift_viewpoint(view, side * metres, turn * radians, config.viewpoint_lookahead)
+            for view in views
+            for side in (-1, 1)
+            for turn in (-1, 1)
+        ]
     turned = rotation + (config.rotation_degrees if config and config.rotation else 0)
     if turned:
         views += [rotate(view, sign * turned) for view in views for sign in (-1, 1)]
     if config and config.crop:
-        views += [crop_height(view, top, bottom)
-                  for view in views for top in config.crop_top for bottom in config.crop_bottom]
+        views += [
+            crop_height(view, top, bottom) for view in views for top in config.crop_top for bottom in config.crop_bottom
+        ]
     corners = np.array([[x, y, 1] for x in (0, COLUMNS - 1) for y in (rows[0], rows[1] - 1)]).T
     sources = [np.linalg.inv(view.homography) @ corners for view in views]
     heights = np.concatenate([source[1] / source[2] for source in sources])

@@ -60,9 +60,20 @@ class Batch:
 class BatchLoader:
     """Batches of a set of samples, for one of `world` processes (its share of every batch)."""
 
-    def __init__(self, samples: pd.DataFrame, rows: tuple[int, int], batch_size: int, *,
-                 augment: AugmentConfig | None = None, cache: FrameCache | None = None, seed: int = 0, rank: int = 0,
-                 world: int = 1, parts: int = 1, for_gpu: bool = False) -> None:
+    def __init__(
+        self,
+        samples: pd.DataFrame,
+        rows: tuple[int, int],
+        batch_size: int,
+        *,
+        augment: AugmentConfig | None = None,
+        cache: FrameCache | None = None,
+        seed: int = 0,
+        rank: int = 0,
+        world: int = 1,
+        parts: int = 1,
+        for_gpu: bool = False,
+    ) -> None:
         """Prepare for `samples`; without `augment` frames come as recorded, in the samples' order.
 
         Args:

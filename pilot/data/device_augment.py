@@ -58,8 +58,9 @@ def augment(kept: Tensor, draws: Draws, rows: tuple[int, int]) -> Tensor:
 
 def _warp(pixels: Tensor, homographies: Tensor, height: int) -> Tensor:
     """Rows as another camera sees them; the border goes on outside, but is black where a picture is only turned."""
-    y, x = torch.meshgrid(torch.arange(height, device=pixels.device), torch.arange(COLUMNS, device=pixels.device),
-                          indexing="ij")
+    y, x = torch.meshgrid(
+        torch.arange(height, device=pixels.device), torch.arange(COLUMNS, device=pixels.device), indexing="ij"
+    )
     shown = torch.stack([x, y, torch.ones_like(x)], -1).float()
     source = torch.einsum("nij,hwj->nhwi", homographies, shown)
     source = source[..., :2] / source[..., 2:]

@@ -68,8 +68,9 @@ def find_recordings(folders: Sequence[Path]) -> list[Path]:
     return list({log.resolve(): log for log in logs}.values())
 
 
-def read_driving_logs(folders: Sequence[Path], progress: Progress | None = None,
-                      cache: FrameCache | None = None) -> DrivingLog:
+def read_driving_logs(
+    folders: Sequence[Path], progress: Progress | None = None, cache: FrameCache | None = None
+) -> DrivingLog:
     """Read one or many recordings and leave out what cannot be used, counted by reason.
 
     Args:

@@ -111,8 +111,9 @@ class FrameCache:
     def _find_in(self, file: Path, paths: list[str]) -> None:
         self._places |= {path: (file, number * self._size) for number, path in enumerate(paths)}
 
-    def _decode_all(self, paths: list[str], threads: ThreadPoolExecutor, shown: Iterator[str],
-                    output: IO[bytes] | None = None) -> dict[str, str]:
+    def _decode_all(
+        self, paths: list[str], threads: ThreadPoolExecutor, shown: Iterator[str], output: IO[bytes] | None = None
+    ) -> dict[str, str]:
         faults = {}
         for start in range(0, len(paths), AT_ONCE):
             part = paths[start : start + AT_ONCE]

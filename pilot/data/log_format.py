@@ -160,8 +160,10 @@ def _readings(fields: Sequence[str], columns: Sequence[str]) -> list[dict[str, s
     readings = []
     for cut in itertools.combinations(range(len(columns)), max(fractions, 0)):
         source = iter(parts)
-        values = [f"{part}.{next(source)}" if index in cut else part
-                  for index, part in zip(range(len(columns)), source, strict=False)]
+        values = [
+            f"{part}.{next(source)}" if index in cut else part
+            for index, part in zip(range(len(columns)), source, strict=False)
+        ]
         reading = dict(zip(columns, values, strict=False))
         if len(values) == len(columns) and all(itertools.starmap(_plausible, reading.items())):
             readings.append(reading)

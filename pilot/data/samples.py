@@ -119,7 +119,7 @@ def split_rows(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.
 
 def _validation_blocks(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.Series[bool]":
     handful = max(round(1 / config.validation_share), 2)
-    driven = rows.groupby(_drive_numbers(rows))["time"].agg(lambda time: time.max() - time.min()).sum()
+    driven = rows.groupby(segment_numbers(rows))["time"].agg(lambda time: time.max() - time.min()).sum()
     blocks = block_numbers(rows, min(config.block_seconds, max(driven, SHORTEST_BLOCK) / handful))
     chosen = []
     for _, numbers in blocks.groupby(rows["recording"]):
@@ -131,12 +131,12 @@ def _validation_blocks(rows: pd.DataFrame, config: SampleConfig, rng: Generator)
 
 def block_numbers(rows: pd.DataFrame, seconds: float) -> "pd.Series[int]":
     """Number of the block of time (one recording, one stretch without a gap) that each row is in."""
-    drive = _drive_numbers(rows)
-    since_start = rows["time"] - rows.groupby(drive)["time"].transform("min")
-    return pd.Series(pd.MultiIndex.from_arrays([drive, since_start // seconds]).factorize()[0], index=rows.index)
+    segment = segment_numbers(rows)
+    since_start = rows["time"] - rows.groupby(segment)["time"].transform("min")
+    return pd.Series(pd.MultiIndex.from_arrays([segment, since_start // seconds]).factorize()[0], index=rows.index)
 
 
-def _drive_numbers(rows: pd.DataFrame) -> "pd.Series[Any]":
+def segment_numbers(rows: pd.DataFrame) -> "pd.Series[Any]":
     """Number of the unbroken drive that each row is in: one recording, no gap in time."""
     step = rows["time"].diff()
     broken = (step > LONGEST_GAP) | (step < 0) | (rows["recording"].diff() != 0)
@@ -150,12 +150,12 @@ def smooth_steering(rows: pd.DataFrame, seconds: float) -> "pd.Series[float]":
     """Centred moving average of the recorded steering over a time, never across a gap or two recordings."""
     if seconds <= 0 or rows.empty:
         return rows["steering"]
-    parts = [_moving_average(drive, seconds) for _, drive in rows.groupby(_drive_numbers(rows))]
+    parts = [_moving_average(segment, seconds) for _, segment in rows.groupby(segment_numbers(rows))]
     return pd.Series(np.concatenate(parts), index=rows.index)
 
 
-def _moving_average(drive: pd.DataFrame, seconds: float) -> Floats:
-    time, steering = drive["time"].to_numpy(), drive["steering"].to_numpy()
+def _moving_average(segment: pd.DataFrame, seconds: float) -> Floats:
+    time, steering = segment["time"].to_numpy(), segment["steering"].to_numpy()
     sums = np.concatenate([[0.0], np.cumsum(steering)])
     first = np.searchsorted(time, time - seconds / 2 - 1e-6)
     last = np.searchsorted(time, time + seconds / 2 + 1e-6)

@@ -47,8 +47,9 @@ class Autopilot:
         speed: the speed controller, whose set speed may be changed while driving.
     """
 
-    def __init__(self, steer: Callable[[Frame], float], config: SpeedConfig,
-                 clock: Callable[[], float] = time.perf_counter) -> None:
+    def __init__(
+        self, steer: Callable[[Frame], float], config: SpeedConfig, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
         """Drive with `steer` (frame to -1..1)."""
         self.steer, self.clock = steer, clock
         self.speed, self.filter = SpeedController(config), SteeringFilter(config.smoothing)

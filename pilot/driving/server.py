@@ -41,8 +41,10 @@ def check_versions() -> None:
     if wrong:
         found = ", ".join(f"{name} {version}" for name, version in wrong.items())
         needed = " ".join(f"{name}=={version}" for name, version in WORKING_VERSIONS.items())
-        raise WrongVersionError(f"{found}: with this the simulator connects and the car does not move, or it does "
-                                f"not connect at all. Install what works: pip install {needed}")
+        raise WrongVersionError(
+            f"{found}: with this the simulator connects and the car does not move, or it does "
+            f"not connect at all. Install what works: pip install {needed}"
+        )
 
 
 class DriveServer:
@@ -62,18 +64,25 @@ class DriveServer:
         self._patience = REVIVE_SECONDS
         self._told: set[str] = set()
         # handlers run one after another, in order: each telemetry is answered before the next is read
-        self.socketio = socketio.Server(async_mode="eventlet", async_handlers=False, json=TolerantJson,
-                                        ping_interval=(PING_SECONDS, PING_GRACE))
+        self.socketio = socketio.Server(
+            async_mode="eventlet", async_handlers=False, json=TolerantJson, ping_interval=(PING_SECONDS, PING_GRACE)
+        )
         self.socketio.eio._async["websocket"] = PromptWebSocketWSGI
-        for name, handler in {"connect": self._connect, "disconnect": self._disconnect,
-                              "telemetry": self._telemetry, UNKNOWN: self._unknown}.items():
+        for name, handler in {
+            "connect": self._connect,
+            "disconnect": self._disconnect,
+            "telemetry": self._telemetry,
+            UNKNOWN: self._unknown,
+        }.items():
             self.socketio.on(name, handler)
 
     def serve(self, listener: PromptSocket, page: Callable[..., Any] | None = None) -> None:
         """Serve until Ctrl-C; `page` is the WSGI application for everything that is not the simulator."""
         application = socketio.WSGIApp(self.socketio, page)
-        tasks = [eventlet.spawn(eventlet.wsgi.server, listener, application, log_output=False, debug=False),
-                 eventlet.spawn(self._watch)]
+        tasks = [
+            eventlet.spawn(eventlet.wsgi.server, listener, application, log_output=False, debug=False),
+            eventlet.spawn(self._watch),
+        ]
         # as a flag: a KeyboardInterrupt raised inside Engine.IO would end in its bare `except:`
         with catch_interrupt() as interrupt:
             while not interrupt.asked and not any(task.dead for task in tasks):
@@ -120,8 +129,11 @@ class DriveServer:
             self.car = connection
         if connection != self.car and connection not in self._told:
             self._told.add(connection)
-            log.warning("a second simulator (%s) connected: one car at a time is driven, this one is not. "
-                        "Quit the other simulator first", connection[:6])
+            log.warning(
+                "a second simulator (%s) connected: one car at a time is driven, this one is not. "
+                "Quit the other simulator first",
+                connection[:6],
+            )
         return connection == self.car
 
     def _release(self) -> None:

@@ -113,8 +113,14 @@ class PromptWebSocketWSGI(WebSocketWSGI):  # type: ignore[misc]
 
     def _handle_hybi_request(self, environ: dict[str, Any]) -> PromptWebSocket:
         plain = super()._handle_hybi_request(environ)
-        return PromptWebSocket(plain.socket, environ, plain.version, protocol=plain.protocol,
-                               extensions=plain.extensions, max_frame_length=LARGEST_MESSAGE)
+        return PromptWebSocket(
+            plain.socket,
+            environ,
+            plain.version,
+            protocol=plain.protocol,
+            extensions=plain.extensions,
+            max_frame_length=LARGEST_MESSAGE,
+        )
 
 
 def listen(host: str, port: int) -> PromptSocket:

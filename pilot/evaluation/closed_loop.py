@@ -19,9 +19,9 @@ from pilot.driving.autopilot import Answer, Autopilot
 from pilot.driving.driver import Driver, Steer
 from pilot.driving.recorder import Recorder
 from pilot.evaluation.plan import Setup
-from pilot.evaluation.scores import Driven, Intervention, Reason
+from pilot.evaluation.scores import Intervention, Reason, Trajectory
 from pilot.simulator.car import MPH, TICK
-from pilot.simulator.drive import Drive, State
+from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.expert import Expert
 from pilot.simulator.simulator import TICKS, Simulator
 from pilot.simulator.wire.client import build_telemetry, parse_steer
@@ -32,7 +32,7 @@ SLOWEST = 0.25  # share of the set speed; who is slower on average does not get 
 FRAMES_PER_SECOND = 1 / (TICKS * TICK)
 CLIP_START = datetime(2000, 1, 1)  # frames of a clip are named by the simulator's clock
 
-MakeSteer = Callable[[Drive], Steer]
+MakeSteer = Callable[[Episode], Steer]
 Command = tuple[float, float]
 
 
@@ -49,7 +49,7 @@ class ModelDriver:
 
     path: Path
 
-    def __call__(self, _drive: Drive | None = None) -> Steer:
+    def __call__(self, _drive: Episode | None = None) -> Steer:
         """Load it.
 
         Raises:
@@ -63,9 +63,9 @@ def _load(path: Path) -> Driver:
     return Driver.load(path)
 
 
-def expert_driver(drive: Drive) -> Steer:
+def expert_driver(episode: Episode) -> Steer:
     """Makes the steering of the expert, who knows the road and needs no picture: what can be reached at best."""
-    expert = Expert(drive)
+    expert = Expert(episode)
     return lambda _frame: expert.command()[0]
 
 
@@ -80,8 +80,9 @@ class Referee:
         states: one for each tick. interventions: so far.
     """
 
-    def __init__(self, drive: Drive, laps: float, set_speed: float,
-                 on_put_back: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, episode: Episode, laps: float, set_speed: float, on_put_back: Callable[[], None] = lambda: None
+    ) -> None:
         """Begin.
 
         Args:
@@ -90,12 +91,12 @@ class Referee:
             set_speed: mph; the time that is allowed follows from it.
             on_put_back: called when the car was put back.
         """
-        self.drive, self.laps, self.on_put_back = drive, laps, on_put_back
-        self.states, self.interventions = [drive.state], list[Intervention]()
-        self.longest = laps * drive.track.length / (SLOWEST * set_speed * MPH)
-        self._got_on = drive.state  # when the car last got on by a metre
+        self.episode, self.laps, self.on_put_back = episode, laps, on_put_back
+        self.states, self.interventions = [episode.state], list[Intervention]()
+        self.longest = laps * episode.track.length / (SLOWEST * set_speed * MPH)
+        self._got_on = episode.state  # when the car last got on by a metre
 
-    def see(self, state: State) -> None:
+    def see(self, state: CarState) -> None:
         """One tick."""
         self.states.append(state)
         if state.progress >= self._got_on.progress + PATIENCE_METRES:
@@ -105,21 +106,21 @@ class Referee:
         elif state.time - self._got_on.time >= PATIENCE_SECONDS:
             self._put_back(state, "no progress")
 
-    def _put_back(self, state: State, reason: Reason) -> None:
+    def _put_back(self, state: CarState, reason: Reason) -> None:
         self.interventions.append(Intervention(state.time, state.x, state.y, state.progress, reason))
-        self.drive.put_back()
-        self._got_on = self.drive.state
+        self.episode.put_back()
+        self._got_on = self.episode.state
         self.on_put_back()
 
     @property
     def over(self) -> bool:
         """Whether the laps are driven, or the time is up."""
-        return self.drive.laps >= self.laps or self.states[-1].time >= self.longest
+        return self.episode.laps >= self.laps or self.states[-1].time >= self.longest
 
     @property
-    def driven(self) -> Driven:
+    def trajectory(self) -> Trajectory:
         """The drive so far."""
-        return Driven.from_states(self.states, self.interventions, self.drive.track.length)
+        return Trajectory.from_states(self.states, self.interventions, self.episode.track.length)
 
 
 class Delay:
@@ -147,8 +148,15 @@ class Delay:
         self._current = (0.0, self._current[1])
 
 
-def drive_laps(drive: Drive, picture: Callable[[Drive], Frame], steer: Steer, setup: Setup, *, seed: int = 0,
-               observe: Callable[[Answer], None] = lambda _: None) -> Driven:
+def drive_laps(
+    episode: Episode,
+    picture: Callable[[Episode], Frame],
+    steer: Steer,
+    setup: Setup,
+    *,
+    seed: int = 0,
+    observe: Callable[[Answer], None] = lambda _: None,
+) -> Trajectory:
     """Drive; the same arguments give the same drive.
 
     Args:
@@ -162,20 +170,20 @@ def drive_laps(drive: Drive, picture: Callable[[Drive], Frame], steer: Steer, se
     Raises:
         RuntimeError: `steer` failed.
     """
-    autopilot = Autopilot(steer, setup.speed, clock=lambda: drive.ticks * TICK)
+    autopilot = Autopilot(steer, setup.speed, clock=lambda: episode.ticks * TICK)
     delay = Delay(round(setup.latency_ms / 1000 / TICK))
-    referee = Referee(drive, setup.laps, setup.speed.speed, delay.straighten)
+    referee = Referee(episode, setup.laps, setup.speed.speed, delay.straighten)
     random = np.random.default_rng(seed)
     while not referee.over:
         if random.random() >= setup.lost_frames:
-            answer = autopilot.answer(build_telemetry(drive, picture(drive)))
+            answer = autopilot.answer(build_telemetry(episode, picture(episode)))
             if answer.telemetry is None:
                 raise RuntimeError("the driver failed; what went wrong stands above")
-            delay.send(drive.ticks, parse_steer(answer.message))
+            delay.send(episode.ticks, parse_steer(answer.message))
             observe(answer)
         for _ in range(TICKS):
-            referee.see(drive.advance(*delay.at(drive.ticks)))
-    return referee.driven
+            referee.see(episode.advance(*delay.at(episode.ticks)))
+    return referee.trajectory
 
 
 # Many drives
@@ -201,7 +209,7 @@ class Task:
     clip: Path | None = None
 
 
-def run(task: Task) -> Driven:
+def run(task: Task) -> Trajectory:
     """Do a drive.
 
     Raises:
@@ -211,10 +219,16 @@ def run(task: Task) -> Driven:
         OSError: the clip cannot be written.
     """
     simulator = simulator_at(task)
-    drive = simulator.drive
-    do = functools.partial(drive_laps, drive, lambda _: simulator.look()["center"], task.driver(drive), task.setup,
-                           seed=task.start or 0)
-    return do() if task.clip is None else _filmed(do, drive, task.clip)
+    episode = simulator.episode
+    do = functools.partial(
+        drive_laps,
+        episode,
+        lambda _: simulator.look()["center"],
+        task.driver(episode),
+        task.setup,
+        seed=task.start or 0,
+    )
+    return do() if task.clip is None else _filmed(do, episode, task.clip)
 
 
 def simulator_at(task: Task) -> Simulator:
@@ -234,16 +248,16 @@ def _simulator() -> Simulator:
     return Simulator()
 
 
-def _filmed(do: Callable[..., Driven], drive: Drive, clip: Path) -> Driven:
+def _filmed(do: Callable[..., Trajectory], episode: Episode, clip: Path) -> Trajectory:
     """Drive, and make a clip of it."""
     with tempfile.TemporaryDirectory() as folder:
-        recorder = Recorder(Path(folder), now=lambda: CLIP_START + timedelta(seconds=drive.ticks * TICK))
+        recorder = Recorder(Path(folder), now=lambda: CLIP_START + timedelta(seconds=episode.ticks * TICK))
         try:
-            driven = do(observe=recorder.observe)
+            trajectory = do(observe=recorder.observe)
         finally:
             recorder.close()
         film(Path(folder), clip)
-    return driven
+    return trajectory
 
 
 def film(folder: Path, clip: Path, fps: float = FRAMES_PER_SECOND) -> None:

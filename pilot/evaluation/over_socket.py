@@ -12,17 +12,17 @@ from dataclasses import asdict
 from pathlib import Path
 
 from pilot.evaluation.closed_loop import ModelDriver, Referee, Task, film, simulator_at
-from pilot.evaluation.scores import Driven
+from pilot.evaluation.scores import Trajectory
 from pilot.simulator.car import TICK
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.wire.client import TICKS_PER_ANSWER, Client
 
 DRIVE_PY = Path(__file__).parents[2] / "drive.py"
 PATIENCE_SECONDS = 30.0  # by the clock, without an answer
-LAST_WORDS = "drive.log"
+LAST_WORDS = "episode.log"
 
 
-def run_over_socket(task: Task) -> Driven:
+def run_over_socket(task: Task) -> Trajectory:
     """Do a drive; latency and lost frames are the wire's own.
 
     Raises:
@@ -35,16 +35,24 @@ def run_over_socket(task: Task) -> Driven:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with _serving(task, folder) as (process, port):
-            driven = _be_driven(simulator, task, process, port, folder)
+            trajectory = _be_driven(simulator, task, process, port, folder)
         if task.clip is not None:
             film(folder / "run", task.clip)
-    return driven
+    return trajectory
 
 
-def _be_driven(simulator: Simulator, task: Task, process: "subprocess.Popen[str]", port: int, folder: Path) -> Driven:
-    referee = Referee(simulator.drive, task.setup.laps, task.setup.speed.speed)
-    client = Client(simulator.drive, lambda _: simulator.look()["center"], port=port, realtime=False, put_back=False,
-                    on_tick=referee.see)
+def _be_driven(
+    simulator: Simulator, task: Task, process: "subprocess.Popen[str]", port: int, folder: Path
+) -> Trajectory:
+    referee = Referee(simulator.episode, task.setup.laps, task.setup.speed.speed)
+    client = Client(
+        simulator.episode,
+        lambda _: simulator.look()["center"],
+        port=port,
+        realtime=False,
+        put_back=False,
+        on_tick=referee.see,
+    )
     heard = time.monotonic()
     try:
         while not referee.over:
@@ -56,16 +64,23 @@ def _be_driven(simulator: Simulator, task: Task, process: "subprocess.Popen[str]
                 raise TimeoutError(f"drive.py did not answer for {PATIENCE_SECONDS:g} s")
     finally:
         client.close()
-    return referee.driven
+    return referee.trajectory
 
 
 @contextmanager
 def _serving(task: Task, folder: Path) -> Iterator[tuple["subprocess.Popen[str]", int]]:
     """drive.py, once it is ready, and its port; it ends with the block."""
     port = _free_port()
-    with (folder / LAST_WORDS).open("w") as words, subprocess.Popen(
-            _command(task, folder, port), stdout=subprocess.PIPE, stderr=words, text=True,
-            env=os.environ | {"OMP_NUM_THREADS": "1"}) as process:
+    with (
+        (folder / LAST_WORDS).open("w") as words,
+        subprocess.Popen(
+            _command(task, folder, port),
+            stdout=subprocess.PIPE,
+            stderr=words,
+            text=True,
+            env=os.environ | {"OMP_NUM_THREADS": "1"},
+        ) as process,
+    ):
         try:
             assert process.stdout is not None
             if "is ready" not in process.stdout.readline():
@@ -83,8 +98,9 @@ def _command(task: Task, folder: Path, port: int) -> list[str]:
     if not isinstance(task.driver, ModelDriver):
         raise ValueError("--socket: drive.py needs a model file")
     run = [str(folder / "run")] if task.clip is not None else []
-    options = [word for name, value in asdict(task.setup.speed).items()
-               for word in (f"--{name.replace('_', '-')}", str(value))]
+    options = [
+        word for name, value in asdict(task.setup.speed).items() for word in (f"--{name.replace('_', '-')}", str(value))
+    ]
     clock = ["--frame-seconds", str(TICKS_PER_ANSWER * TICK)]
     return [sys.executable, str(DRIVE_PY), str(task.driver.path), *run, "--port", str(port), *clock, *options]
 

@@ -9,7 +9,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from pilot.evaluation.scores import Array, Driven, Scores
+from pilot.evaluation.scores import Array, Scores, Trajectory
 from pilot.simulator.track import HALF_TRACK, Track
 
 matplotlib.use("Agg")  # files only: works without a display
@@ -22,14 +22,14 @@ LANE = "the lane's middle"
 JUMP = 2.0  # metres between two states: here the car was put back
 
 
-def draw_drives(title: str, track: Track, drives: Sequence[Driven], scores: Scores) -> Figure:
+def draw_trajectories(title: str, track: Track, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
     """What became of one or several drives on a track."""
     figure = Figure((14, 6), layout="constrained")
     above, along = figure.subplots(1, 2, width_ratios=(1, 1.25))
     figure.suptitle(headline(title, scores), fontsize=12)
     _draw_road(above, track)
-    draw_paths(figure, above, drives)
-    _draw_offsets(along, track, drives)
+    draw_paths(figure, above, trajectories)
+    _draw_offsets(along, track, trajectories)
     return figure
 
 
@@ -58,37 +58,51 @@ def _closed(points: Array) -> Array:
     return np.vstack([points, points[:1]])
 
 
-def draw_paths(figure: Figure, axis: Axes, drives: Sequence[Driven], place: str = LANE) -> None:
+def draw_paths(figure: Figure, axis: Axes, trajectories: Sequence[Trajectory], place: str = LANE) -> None:
     """The paths as seen from above, coloured by the place in the lane, and where the car was put back."""
-    for drive in drives:
-        segments = np.stack([drive.positions[:-1], drive.positions[1:]], 1)
-        driven = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1) < JUMP
-        lines = LineCollection(list(segments[driven]), cmap="plasma", linewidth=1.6, capstyle="round")
-        lines.set_array(np.abs(drive.offsets[1:][driven]))
+    for trajectory in trajectories:
+        segments = np.stack([trajectory.positions[:-1], trajectory.positions[1:]], 1)
+        continuous = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1) < JUMP
+        lines = LineCollection(list(segments[continuous]), cmap="plasma", linewidth=1.6, capstyle="round")
+        lines.set_array(np.abs(trajectory.offsets[1:][continuous]))
         lines.set_clim(0, FAR_OUT)
         axis.add_collection(lines)
     figure.colorbar(lines, ax=axis, label=f"metres beside {place}", extend="max", shrink=0.8, pad=0.02)
     for reason, (marker, colour) in REASONS.items():
-        places = np.array([(each.x, each.y) for drive in drives for each in drive.interventions
-                           if each.reason == reason])
+        places = np.array(
+            [
+                (each.x, each.y)
+                for trajectory in trajectories
+                for each in trajectory.interventions
+                if each.reason == reason
+            ]
+        )
         if len(places):
-            axis.scatter(places[:, 0], places[:, 1], s=55, marker=marker, color=colour, edgecolors="white",
-                         linewidths=0.8, zorder=3,
-                         label=f"put back: {reason} ({len(places)})")
+            axis.scatter(
+                places[:, 0],
+                places[:, 1],
+                s=55,
+                marker=marker,
+                color=colour,
+                edgecolors="white",
+                linewidths=0.8,
+                zorder=3,
+                label=f"put back: {reason} ({len(places)})",
+            )
     if axis.get_legend_handles_labels()[1]:
         axis.legend(loc="best", fontsize=9)
 
 
-def _draw_offsets(axis: Axes, track: Track, drives: Sequence[Driven]) -> None:
+def _draw_offsets(axis: Axes, track: Track, trajectories: Sequence[Trajectory]) -> None:
     places = np.arange(len(track.points)) * track.length / len(track.points)
     lowest, highest = (side * (track.half_widths - HALF_TRACK) - track.lane for side in (-1, 1))
     axis.fill_between(places, lowest, highest, color=ASPHALT, linewidth=0, label="all wheels on the road")
     axis.axhline(0, color="white", linewidth=1.2)
-    for number, drive in enumerate(drives):
-        place = track.locate(*drive.positions[0]).progress + drive.progress
-        for part in _pieces(drive, place // track.length):
-            axis.plot(place[part] % track.length, drive.offsets[part], color=f"C{number % 10}", linewidth=1.1)
-        mark_interventions(axis, place % track.length, drive)
+    for number, trajectory in enumerate(trajectories):
+        place = track.locate(*trajectory.positions[0]).progress + trajectory.progress
+        for part in _pieces(trajectory, place // track.length):
+            axis.plot(place[part] % track.length, trajectory.offsets[part], color=f"C{number % 10}", linewidth=1.1)
+        mark_interventions(axis, place % track.length, trajectory)
     # seen in the direction of driving: left is up
     axis.set(xlim=(0, track.length), ylim=(highest.max() + MARGIN, lowest.min() - MARGIN))
     axis.set(xlabel="metres along the lap", ylabel=f"metres beside {LANE}")
@@ -97,18 +111,25 @@ def _draw_offsets(axis: Axes, track: Track, drives: Sequence[Driven]) -> None:
     axis.legend(loc="lower right", fontsize=9)
 
 
-def mark_interventions(axis: Axes, along: Array, drive: Driven) -> None:
+def mark_interventions(axis: Axes, along: Array, trajectory: Trajectory) -> None:
     """Where the car was put back, on an axis of offsets over `along` (n)."""
-    for each in drive.interventions:
-        index = int(np.searchsorted(drive.times, each.time - 1e-9))
+    for each in trajectory.interventions:
+        index = int(np.searchsorted(trajectory.times, each.time - 1e-9))
         marker, colour = REASONS[each.reason]
-        axis.plot(along[index], drive.offsets[index], marker, color=colour, markersize=8,
-                  markeredgecolor="white", markeredgewidth=0.8)
+        axis.plot(
+            along[index],
+            trajectory.offsets[index],
+            marker,
+            color=colour,
+            markersize=8,
+            markeredgecolor="white",
+            markeredgewidth=0.8,
+        )
 
 
-def _pieces(drive: Driven, laps: Array) -> Iterator[slice]:
+def _pieces(trajectory: Trajectory, laps: Array) -> Iterator[slice]:
     """Stretches of a drive between which a line must not be drawn: laps, and where the car was put back."""
-    put_back = np.isin(drive.times[:-1], [each.time for each in drive.interventions])
+    put_back = np.isin(trajectory.times[:-1], [each.time for each in trajectory.interventions])
     cuts = np.flatnonzero((np.diff(laps) != 0) | put_back) + 1
     for first, last in zip([0, *cuts], [*cuts, len(laps)], strict=True):
         yield slice(int(first), int(last))

@@ -22,7 +22,7 @@ from pilot.simulator.car import MPH, path_curvature
 Array = NDArray[np.float64]
 
 HARDEST = 12.0  # m/s², more than tyres can do: the car was put somewhere else
-SHORTEST_DRIVE = 5.0  # s
+SHORTEST_SEGMENT = 5.0  # s
 SLOWEST_RATE = 4.0  # rows a second; at 30 mph the car moves by 3.4 m from one to the next
 STANDING = 0.01  # metres between two rows, at least, that the equations are given
 
@@ -69,7 +69,7 @@ class Line:
     curvatures: Array
 
 
-def drives(rows: pd.DataFrame) -> Iterator[pd.DataFrame]:
+def continuous_segments(rows: pd.DataFrame) -> Iterator[pd.DataFrame]:
     """The stretches of a log (as of `DrivingLog.rows`) that were driven without a break, if long enough.
 
     A break is a pause, another recording, or a change of speed that no car can do: after it the car
@@ -84,19 +84,21 @@ def drives(rows: pd.DataFrame) -> Iterator[pd.DataFrame]:
     leap = rows["speed"].diff().abs() * MPH > HARDEST * pause + 0.5
     breaks = (pause > LONGEST_GAP) | (pause <= 0) | leap | (rows["recording"].diff() != 0)
     if pause[~breaks].median() > 1 / SLOWEST_RATE:
-        raise UnusableRecording(f"{1 / pause[~breaks].median():.1f} rows a second are too few to replay: "
-                                f"record at least {SLOWEST_RATE:g}, better 10")
-    for _, drive in rows.groupby(breaks.cumsum(), sort=False):
-        if drive["time"].iloc[-1] - drive["time"].iloc[0] >= SHORTEST_DRIVE:
-            yield drive.reset_index(drop=True)
+        raise UnusableRecording(
+            f"{1 / pause[~breaks].median():.1f} rows a second are too few to replay: "
+            f"record at least {SLOWEST_RATE:g}, better 10"
+        )
+    for _, segment in rows.groupby(breaks.cumsum(), sort=False):
+        if segment["time"].iloc[-1] - segment["time"].iloc[0] >= SHORTEST_SEGMENT:
+            yield segment.reset_index(drop=True)
 
 
-def motion_of(drive: pd.DataFrame) -> Motion:
+def motion_of(segment: pd.DataFrame) -> Motion:
     """How the car moved in a drive, by its log."""
-    seconds = np.diff(drive["time"].to_numpy(float), append=math.nan)
+    seconds = np.diff(segment["time"].to_numpy(float), append=math.nan)
     seconds[-1] = np.median(seconds[:-1])
-    speeds = drive["speed"].to_numpy(float) * MPH
-    curvatures = [path_curvature(*moment) for moment in zip(drive["steering"], speeds, strict=True)]
+    speeds = segment["speed"].to_numpy(float) * MPH
+    curvatures = [path_curvature(*moment) for moment in zip(segment["steering"], speeds, strict=True)]
     return Motion(seconds, speeds * seconds, speeds, np.array(curvatures))
 
 
@@ -114,10 +116,16 @@ def fit_line(motion: Motion, seen: Array, spread: Array) -> Line:
     step, turn = np.maximum(motion.steps[now], STANDING), (motion.curvatures * motion.steps)[now]
     ones = np.ones_like(step)
     equations = (
-        _equations([(offset[then], ones), (offset[now], -ones), (heading[now], -step), (bend[now], step**2 / 2)],
-                   turn * step / 2, SIDE_SLIPS[0] + SIDE_SLIPS[1] * step),
-        _equations([(heading[then], ones), (heading[now], -ones), (bend[now], step)],
-                   turn, np.hypot(TURN_SLIPS * np.sqrt(step), TURN_SHARE * turn)),
+        _equations(
+            [(offset[then], ones), (offset[now], -ones), (heading[now], -step), (bend[now], step**2 / 2)],
+            turn * step / 2,
+            SIDE_SLIPS[0] + SIDE_SLIPS[1] * step,
+        ),
+        _equations(
+            [(heading[then], ones), (heading[now], -ones), (bend[now], step)],
+            turn,
+            np.hypot(TURN_SLIPS * np.sqrt(step), TURN_SHARE * turn),
+        ),
         _equations([(bend[then], ones), (bend[now], -ones)], 0 * ones, BEND_CHANGES * np.sqrt(step)),
         _equations([(offset, np.ones(count))], seen, spread),
     )

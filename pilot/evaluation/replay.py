@@ -25,13 +25,13 @@ from pilot.evaluation.reference_path import (
     Line,
     Motion,
     UnusableRecording,
-    drives,
+    continuous_segments,
     fit_line,
     motion_of,
 )
 from pilot.evaluation.replay_road import PATH_SPREAD, find_road
 from pilot.evaluation.replay_view import view
-from pilot.evaluation.scores import Driven, Intervention
+from pilot.evaluation.scores import Intervention, Trajectory
 from pilot.simulator.car import MPH, path_curvature
 from pilot.simulator.track import HALF_TRACK
 
@@ -139,7 +139,7 @@ def prepare(rows: pd.DataFrame) -> Replayable:
         UnusableRecording: nothing in it can be replayed.
         UnreadableImage: a picture cannot be read.
     """
-    parts = list(drives(rows))
+    parts = list(continuous_segments(rows))
     if not parts:
         raise UnusableRecording("no drive of five seconds in it: record a lap without recoveries")
     motions = [motion_of(part) for part in parts]
@@ -148,8 +148,10 @@ def prepare(rows: pd.DataFrame) -> Replayable:
     if clarity < UNCLEAR:
         return Replayable(tuple(map(along_path, parts, motions)), "path", clarity)
     lane = float(np.median(np.concatenate([road.line.offsets for road in roads])))
-    stretches = [Stretch(part, motion, road.line, road.half_widths, lane)
-                 for part, motion, road in zip(parts, motions, roads, strict=True)]
+    stretches = [
+        Stretch(part, motion, road.line, road.half_widths, lane)
+        for part, motion, road in zip(parts, motions, roads, strict=True)
+    ]
     return Replayable(tuple(stretches), "road", clarity)
 
 
@@ -159,8 +161,9 @@ def along_path(rows: pd.DataFrame, motion: Motion) -> Stretch:
     return Stretch(rows, motion, fit_line(motion, np.zeros(count), np.full(count, PATH_SPREAD)), np.full(count, np.inf))
 
 
-def replay(recording: Replayable, steer: Steer, config: ReplayConfig = ReplayConfig(),
-           watch: Watch = lambda _: None) -> list[Driven]:
+def replay(
+    recording: Replayable, steer: Steer, config: ReplayConfig = ReplayConfig(), watch: Watch = lambda _: None
+) -> list[Trajectory]:
     """Replay a recording.
 
     Args:
@@ -180,7 +183,7 @@ def replay(recording: Replayable, steer: Steer, config: ReplayConfig = ReplayCon
     return [_replay(stretch, steer, limit, config.start, watch) for stretch in recording.stretches]
 
 
-def _replay(stretch: Stretch, steer: Steer, limit: float, start: float | None, watch: Watch) -> Driven:
+def _replay(stretch: Stretch, steer: Steer, limit: float, start: float | None, watch: Watch) -> Trajectory:
     car = _Car(stretch)
     if start is not None:
         car.put(start)
@@ -196,7 +199,7 @@ def _replay(stretch: Stretch, steer: Steer, limit: float, start: float | None, w
         watch(Moment(row, frame, car.offset, car.heading, car.beside, car.turned))
         commands.append(min(max(steer(frame), -1.0), 1.0))
         car.advance(commands[-1])
-    return _driven(stretch, np.array(offsets), np.array(headings), np.array(commands), failed)
+    return _trajectory(stretch, np.array(offsets), np.array(headings), np.array(commands), failed)
 
 
 class _Car:
@@ -235,7 +238,9 @@ class _Car:
         self._index = min(index + 1, len(motion.steps) - 1)
 
 
-def _driven(stretch: Stretch, offsets: Array, headings: Array, steering: Array, failed: Sequence[int]) -> Driven:
+def _trajectory(
+    stretch: Stretch, offsets: Array, headings: Array, steering: Array, failed: Sequence[int]
+) -> Trajectory:
     """The drive as the simulator's are described; its map begins northwards at the origin."""
     motion, bends = stretch.motion, stretch.line.curvatures
     times, progress = _before(motion.seconds), _before(motion.steps)
@@ -243,9 +248,17 @@ def _driven(stretch: Stretch, offsets: Array, headings: Array, steering: Array, 
     right = np.stack([np.cos(compass), -np.sin(compass)], axis=1)
     middle = np.stack([_before(np.sin(compass) * motion.steps), _before(np.cos(compass) * motion.steps)], axis=1)
     positions = middle + offsets[:, None] * right
-    interventions = tuple(Intervention(float(times[index]), float(positions[index, 0]), float(positions[index, 1]),
-                                       float(progress[index]), "off the road") for index in failed)
-    return Driven(times, positions, motion.speeds / MPH, steering, progress, offsets, headings, interventions)
+    interventions = tuple(
+        Intervention(
+            float(times[index]),
+            float(positions[index, 0]),
+            float(positions[index, 1]),
+            float(progress[index]),
+            "off the road",
+        )
+        for index in failed
+    )
+    return Trajectory(times, positions, motion.speeds / MPH, steering, progress, offsets, headings, interventions)
 
 
 def _before(amounts: Array) -> Array:

@@ -95,7 +95,9 @@ def _edges(stripes: Array) -> Array:
     """How the colours change from left to right (n x 3), at most 1 long; 0 where it is not seen."""
     sums = np.vstack([np.zeros(3), np.nancumsum(stripes, axis=0)])
     edges = np.zeros_like(stripes)
-    edges[REACH:-REACH] = (sums[2 * REACH:-1] - 2 * sums[REACH:-REACH - 1] + sums[:-2 * REACH - 1]) / (REACH * STRONG)
+    edges[REACH:-REACH] = (sums[2 * REACH : -1] - 2 * sums[REACH : -REACH - 1] + sums[: -2 * REACH - 1]) / (
+        REACH * STRONG
+    )
     unseen = np.convolve(np.isnan(stripes[:, 0]), np.ones(2 * REACH + 1), "same") > 0
     edges[unseen] = 0
     return np.asarray(edges / np.maximum(np.linalg.norm(edges, axis=1, keepdims=True), 1))
@@ -161,6 +163,8 @@ def _pairs(edges: Array) -> tuple[Array, Array]:
 def _clarity(edges: Array, aside: Array, half_widths: Array) -> float:
     widths = np.rint((half_widths - HALF_WIDTHS[0]) / CELL).astype(int)
     places = np.rint((aside - PLACES[0]) / CELL).astype(int)
-    found = [[kind[width, place] for kind in _pairs(across)]
-             for across, width, place in zip(edges, widths, places, strict=True)]
+    found = [
+        [kind[width, place] for kind in _pairs(across)]
+        for across, width, place in zip(edges, widths, places, strict=True)
+    ]
     return float(np.mean(found))

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pilot.simulator.drive import State
+from pilot.simulator.episode import CarState
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -45,7 +45,7 @@ class Intervention:
 
 
 @dataclass(frozen=True, eq=False)
-class Driven:
+class Trajectory:
     """One drive: what the car did at even times, and when it had to be put back.
 
     Attributes:
@@ -71,15 +71,25 @@ class Driven:
     lap: float | None = None
 
     @classmethod
-    def from_states(cls, states: Sequence[State], interventions: Sequence[Intervention], lap: float) -> "Driven":
+    def from_states(cls, states: Sequence[CarState], interventions: Sequence[Intervention], lap: float) -> "Trajectory":
         """The drive that a car's states tell, one at each tick."""
+
         def column(name: str) -> Array:
             return np.array([getattr(state, name) for state in states], float)
 
-        return cls(column("time"), np.column_stack([column("x"), column("y")]), column("speed"), column("steering"),
-                   column("progress"), column("offset"), column("heading_error"), tuple(interventions), lap)
+        return cls(
+            column("time"),
+            np.column_stack([column("x"), column("y")]),
+            column("speed"),
+            column("steering"),
+            column("progress"),
+            column("offset"),
+            column("heading_error"),
+            tuple(interventions),
+            lap,
+        )
 
-    def moved(self, x: float, y: float) -> "Driven":
+    def moved(self, x: float, y: float) -> "Trajectory":
         """The same drive elsewhere on the map, by so many metres."""
         interventions = tuple(dataclasses.replace(each, x=each.x + x, y=each.y + y) for each in self.interventions)
         return dataclasses.replace(self, positions=self.positions + np.array([x, y]), interventions=interventions)
@@ -171,8 +181,11 @@ class Scores:
 
     def plain(self) -> dict[str, Any]:
         """As JSON knows it, with what follows from the fields."""
-        derived = {"autonomy": self.autonomy, "autonomy_interval": list(self.autonomy_interval),
-                   "clean_interval": list(self.clean_interval)}
+        derived = {
+            "autonomy": self.autonomy,
+            "autonomy_interval": list(self.autonomy_interval),
+            "clean_interval": list(self.clean_interval),
+        }
         return dataclasses.asdict(self) | derived
 
     @classmethod
@@ -181,35 +194,35 @@ class Scores:
         return cls(**{field.name: values[field.name] for field in dataclasses.fields(cls)})
 
 
-def measure(title: str, drives: Sequence[Driven]) -> Scores:
+def measure(title: str, trajectories: Sequence[Trajectory]) -> Scores:
     """The scores of one drive, or of several together (start places, tracks): every moment counts the same.
 
     Raises:
         ValueError: there is no drive.
     """
-    if not drives:
+    if not trajectories:
         raise ValueError(f"{title}: nothing was driven")
-    offsets = np.abs(np.concatenate([drive.offsets for drive in drives]))
-    headings = np.abs(np.concatenate([drive.heading_errors for drive in drives]))
-    lap_times = [seconds for drive in drives for seconds in drive.lap_times]
-    laps = [drive.distance / drive.lap for drive in drives if drive.lap is not None]
-    rates = [drive.steering_rates for drive in drives]
+    offsets = np.abs(np.concatenate([trajectory.offsets for trajectory in trajectories]))
+    headings = np.abs(np.concatenate([trajectory.heading_errors for trajectory in trajectories]))
+    lap_times = [seconds for trajectory in trajectories for seconds in trajectory.lap_times]
+    laps = [trajectory.distance / trajectory.lap for trajectory in trajectories if trajectory.lap is not None]
+    rates = [trajectory.steering_rates for trajectory in trajectories]
     return Scores(
         title=title,
-        drives=len(drives),
-        clean=sum(not drive.interventions for drive in drives),
-        seconds=sum(drive.seconds for drive in drives),
-        distance=sum(drive.distance for drive in drives),
+        drives=len(trajectories),
+        clean=sum(not trajectory.interventions for trajectory in trajectories),
+        seconds=sum(trajectory.seconds for trajectory in trajectories),
+        distance=sum(trajectory.distance for trajectory in trajectories),
         laps=sum(laps) if laps else None,
         lap_time=_mean(lap_times) if lap_times else None,
-        interventions=sum(len(drive.interventions) for drive in drives),
+        interventions=sum(len(trajectory.interventions) for trajectory in trajectories),
         offset_mean=_mean(offsets),
         offset_p95=float(np.percentile(offsets, 95)),
         offset_max=float(offsets.max()),
         heading_error=math.degrees(_mean(headings)),
         steering_rate=_mean(np.abs(np.concatenate(rates))),
         steering_jerk=_mean(np.abs(np.concatenate([np.diff(rate) for rate in rates])) / SAMPLED_SECONDS),
-        speed=_mean(np.concatenate([drive.speeds for drive in drives])),
+        speed=_mean(np.concatenate([trajectory.speeds for trajectory in trajectories])),
     )
 
 

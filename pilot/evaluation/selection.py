@@ -9,7 +9,7 @@ from pilot.driving.driver import Steer
 from pilot.evaluation.closed_loop import drive_laps
 from pilot.evaluation.plan import Setup
 from pilot.evaluation.replay import Replayable, prepare, replay
-from pilot.evaluation.scores import Driven
+from pilot.evaluation.scores import Trajectory
 from pilot.simulator.simulator import Simulator
 from pilot.training.trainer import DrivingCheck
 
@@ -28,9 +28,9 @@ def driving_check() -> DrivingCheck:
     return check
 
 
-def _drive(simulator: Simulator, road: str, start: int, steer: Steer) -> Driven:
+def _drive(simulator: Simulator, road: str, start: int, steer: Steer) -> Trajectory:
     simulator.reset(road, start)
-    return drive_laps(simulator.drive, lambda _: simulator.look()["center"], steer, SHORT)
+    return drive_laps(simulator.episode, lambda _: simulator.look()["center"], steer, SHORT)
 
 
 def replay_check(rows: pd.DataFrame) -> DrivingCheck:
@@ -46,6 +46,6 @@ def _replay(recording: Replayable, steer: Steer) -> tuple[int, float]:
     return _sum_up(replay(recording, steer))
 
 
-def _sum_up(drives: list[Driven]) -> tuple[int, float]:
-    offsets = np.concatenate([drive.offsets for drive in drives])
-    return sum(len(drive.interventions) for drive in drives), float(np.abs(offsets).mean())
+def _sum_up(trajectories: list[Trajectory]) -> tuple[int, float]:
+    offsets = np.concatenate([episode.offsets for episode in trajectories])
+    return sum(len(episode.interventions) for episode in trajectories), float(np.abs(offsets).mean())

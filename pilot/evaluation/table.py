@@ -12,10 +12,16 @@ from pilot.evaluation.scores import Interval, Scores
 from pilot.files import write_atomically
 
 COLUMNS = {
-    "laps": ("laps", ".2f"), "lap_time": ("lap, s", ".1f"), "speed": ("mph", ".1f"),
-    "interventions": ("interventions", "d"), "autonomy": ("autonomy, %", ".1f"),
-    "offset_mean": ("offset, m", ".2f"), "offset_p95": ("95 %", ".2f"), "offset_max": ("most", ".2f"),
-    "heading_error": ("heading, °", ".1f"), "steering_rate": ("steering, 1/s", ".2f"),
+    "laps": ("laps", ".2f"),
+    "lap_time": ("lap, s", ".1f"),
+    "speed": ("mph", ".1f"),
+    "interventions": ("interventions", "d"),
+    "autonomy": ("autonomy, %", ".1f"),
+    "offset_mean": ("offset, m", ".2f"),
+    "offset_p95": ("95 %", ".2f"),
+    "offset_max": ("most", ".2f"),
+    "heading_error": ("heading, °", ".1f"),
+    "steering_rate": ("steering, 1/s", ".2f"),
     "steering_jerk": ("jerk, 1/s²", ".1f"),
 }
 COMPARED = ("interventions", "autonomy", "offset_mean", "steering_rate")  # of several models side by side
@@ -62,9 +68,11 @@ def _cell(value: float | None, form: str) -> str:
 def verdict(evaluation: Evaluation) -> str:
     """One line about a model, with how sure it is."""
     total = evaluation.total
-    return (f"{evaluation.model}: autonomy {total.autonomy:.1f} % ({_between(total.autonomy_interval)}), "
-            f"{total.interventions} interventions in {total.seconds / 60:.1f} minutes; {total.clean} of {total.drives} "
-            f"drives without one ({_between((100 * total.clean_interval[0], 100 * total.clean_interval[1]))})")
+    return (
+        f"{evaluation.model}: autonomy {total.autonomy:.1f} % ({_between(total.autonomy_interval)}), "
+        f"{total.interventions} interventions in {total.seconds / 60:.1f} minutes; {total.clean} of {total.drives} "
+        f"drives without one ({_between((100 * total.clean_interval[0], 100 * total.clean_interval[1]))})"
+    )
 
 
 def _between(interval: Interval) -> str:
@@ -83,8 +91,11 @@ def write_json(path: Path, evaluations: Sequence[Evaluation], setup: dict[str, A
 
 
 def _plain(evaluation: Evaluation) -> dict[str, Any]:
-    return {"model": evaluation.model, "rows": [scores.plain() for scores in evaluation.rows],
-            "total": evaluation.total.plain()}
+    return {
+        "model": evaluation.model,
+        "rows": [scores.plain() for scores in evaluation.rows],
+        "total": evaluation.total.plain(),
+    }
 
 
 def read_json(path: Path) -> list[Evaluation]:
@@ -95,7 +106,9 @@ def read_json(path: Path) -> list[Evaluation]:
         ValueError: it holds something else.
     """
     try:
-        return [Evaluation(item["model"], tuple(map(Scores.from_plain, item["rows"])),
-                           Scores.from_plain(item["total"])) for item in json.loads(path.read_text())["evaluations"]]
+        return [
+            Evaluation(item["model"], tuple(map(Scores.from_plain, item["rows"])), Scores.from_plain(item["total"]))
+            for item in json.loads(path.read_text())["evaluations"]
+        ]
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path}: holds no evaluations") from error

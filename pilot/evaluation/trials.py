@@ -18,14 +18,14 @@ from pilot.data.log_format import LOG_NAME
 from pilot.driving.driver import Steer
 from pilot.evaluation.closed_loop import CLIP_START, MakeSteer, ModelDriver, Task, film, run
 from pilot.evaluation.over_socket import run_over_socket
-from pilot.evaluation.pictures import draw_drives
+from pilot.evaluation.pictures import draw_trajectories
 from pilot.evaluation.plan import Setup
 from pilot.evaluation.replay import Moment, Replayable, prepare, replay
 from pilot.evaluation.replay_pictures import draw_replay
-from pilot.evaluation.scores import Driven, Scores
+from pilot.evaluation.scores import Scores, Trajectory
 from pilot.simulator.catalogue import load_track
 
-Job = Callable[[], Sequence[Driven]]  # in any process: to be pickled
+Job = Callable[[], Sequence[Trajectory]]  # in any process: to be pickled
 
 
 class Trial(Protocol):
@@ -47,7 +47,7 @@ class Trial(Protocol):
             clips: folder for a video of each; None makes none.
         """
 
-    def draw(self, title: str, drives: Sequence[Driven], scores: Scores) -> Figure:
+    def draw(self, title: str, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
         """What came of it, as a picture."""
 
 
@@ -82,14 +82,14 @@ class TrackTrial:
         """A drive for each start place."""
         return [functools.partial(self._drive, driver, start, clips) for start in self.starts]
 
-    def _drive(self, driver: MakeSteer, start: int | None, clips: Path | None) -> list[Driven]:
+    def _drive(self, driver: MakeSteer, start: int | None, clips: Path | None) -> list[Trajectory]:
         clip = clips / f"{self.file}{'' if start is None else f'-{start}'}.mp4" if clips else None
         task = Task(driver, self.track, self.setup, self.light, start, clip)
         return [run_over_socket(task) if self.socket else run(task)]
 
-    def draw(self, title: str, drives: Sequence[Driven], scores: Scores) -> Figure:
+    def draw(self, title: str, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
         """The road from above with the paths on it, and the place in the lane."""
-        return draw_drives(title, load_track(self.track), drives, scores)
+        return draw_trajectories(title, load_track(self.track), trajectories, scores)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,15 +124,15 @@ class RecordingTrial:
             raise ValueError("the expert drives in the built-in simulator only: a recording has no road to know")
         return [functools.partial(self._replay, driver, clips / f"{self.file}.mp4" if clips else None)]
 
-    def _replay(self, driver: ModelDriver, clip: Path | None) -> list[Driven]:
+    def _replay(self, driver: ModelDriver, clip: Path | None) -> list[Trajectory]:
         if clip is None:
             return replay(self.recording, driver())
         with tempfile.TemporaryDirectory() as folder:
             return _filmed(Path(folder), self.recording, driver(), clip)
 
-    def draw(self, title: str, drives: Sequence[Driven], scores: Scores) -> Figure:
+    def draw(self, title: str, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
         """The path, the place on the road, recorded and predicted steering."""
-        return draw_replay(title, self.recording, drives, scores)
+        return draw_replay(title, self.recording, trajectories, scores)
 
 
 def prepare_trial(last_part: float, named: tuple[str, Path]) -> RecordingTrial:
@@ -147,7 +147,7 @@ def prepare_trial(last_part: float, named: tuple[str, Path]) -> RecordingTrial:
     return RecordingTrial(name, prepare(rows))
 
 
-def _filmed(folder: Path, recording: Replayable, steer: Steer, clip: Path) -> list[Driven]:
+def _filmed(folder: Path, recording: Replayable, steer: Steer, clip: Path) -> list[Trajectory]:
     """Replay, and make a clip of what the model saw and did, by way of a drive as drive.py records it."""
     rows = pd.concat([stretch.rows for stretch in recording.stretches])
     fps = round(1 / float(rows["time"].diff().median()), 2)
@@ -158,10 +158,13 @@ def _filmed(folder: Path, recording: Replayable, steer: Steer, clip: Path) -> li
     def keep(moment: Moment) -> None:
         (folder / next(unseen)).write_bytes(encode_frame(moment.frame))
 
-    driven = replay(recording, steer, watch=keep)
-    steering = np.concatenate([drive.steering for drive in driven])
-    (folder / LOG_NAME).write_text("".join(
-        f"{name},,,{command:.6g},0,0,{speed:.6g}\n"
-        for name, command, speed in zip(names, steering, rows["speed"], strict=True)))
+    trajectory = replay(recording, steer, watch=keep)
+    steering = np.concatenate([trajectory.steering for trajectory in trajectory])
+    (folder / LOG_NAME).write_text(
+        "".join(
+            f"{name},,,{command:.6g},0,0,{speed:.6g}\n"
+            for name, command, speed in zip(names, steering, rows["speed"], strict=True)
+        )
+    )
     film(folder, clip, fps)
-    return driven
+    return trajectory

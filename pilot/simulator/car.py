@@ -83,5 +83,8 @@ class Car:
     def wheels(self) -> list[tuple[float, float]]:
         """Where the four wheels touch the ground, metres: rear left and right, front left and right."""
         sine, cosine = math.sin(self.heading), math.cos(self.heading)
-        return [(self.x + ahead * sine + side * cosine, self.y + ahead * cosine - side * sine)
-                for ahead in (0.0, WHEELBASE) for side in (-HALF_TRACK, HALF_TRACK)]
+        return [
+            (self.x + ahead * sine + side * cosine, self.y + ahead * cosine - side * sine)
+            for ahead in (0.0, WHEELBASE)
+            for side in (-HALF_TRACK, HALF_TRACK)
+        ]

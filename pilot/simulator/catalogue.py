@@ -10,16 +10,72 @@ from pilot.simulator.track import REVERSED, Array, Track, closed_road
 
 NAMED = ("lake", "jungle", "mountain")
 
-LAKE = [(-30, -118, 2), (40, -122, 2), (110, -108, 2.5), (158, -62, 3), (165, 0, 3), (142, 50, 2.4), (96, 72, 2),
-        (56, 86, 3), (44, 126, 4), (12, 148, 5), (-40, 146, 4), (-96, 132, 2.5), (-144, 102, 2), (-162, 50, 2),
-        (-152, 6, 3), (-156, -40, 3), (-118, -96, 2.4)]
-JUNGLE = [(0, -130, 0), (60, -132, 3), (118, -112, 8), (146, -60, 13), (128, -24, 16), (84, -34, 18), (44, -62, 20),
-          (4, -56, 19), (2, -20, 17), (50, 0, 15), (104, 18, 12), (126, 56, 9), (96, 92, 8), (44, 80, 11), (0, 52, 15),
-          (-40, 58, 18), (-48, 100, 16), (-92, 124, 12), (-138, 98, 8), (-132, 44, 10), (-88, 16, 13), (-52, -8, 13),
-          (-60, -44, 10), (-104, -52, 6), (-130, -88, 2), (-96, -128, 0), (-50, -132, -1)]
-MOUNTAIN = [(-20, -100, 0), (40, -108, 4), (96, -88, 10), (110, -40, 15), (76, -4, 18), (84, 44, 16), (120, 84, 12),
-            (92, 124, 8), (36, 118, 5), (-6, 88, 4), (-44, 60, 7), (-92, 72, 11), (-128, 40, 13), (-116, -8, 10),
-            (-76, -32, 6), (-74, -72, 2)]
+LAKE = [
+    (-30, -118, 2),
+    (40, -122, 2),
+    (110, -108, 2.5),
+    (158, -62, 3),
+    (165, 0, 3),
+    (142, 50, 2.4),
+    (96, 72, 2),
+    (56, 86, 3),
+    (44, 126, 4),
+    (12, 148, 5),
+    (-40, 146, 4),
+    (-96, 132, 2.5),
+    (-144, 102, 2),
+    (-162, 50, 2),
+    (-152, 6, 3),
+    (-156, -40, 3),
+    (-118, -96, 2.4),
+]
+JUNGLE = [
+    (0, -130, 0),
+    (60, -132, 3),
+    (118, -112, 8),
+    (146, -60, 13),
+    (128, -24, 16),
+    (84, -34, 18),
+    (44, -62, 20),
+    (4, -56, 19),
+    (2, -20, 17),
+    (50, 0, 15),
+    (104, 18, 12),
+    (126, 56, 9),
+    (96, 92, 8),
+    (44, 80, 11),
+    (0, 52, 15),
+    (-40, 58, 18),
+    (-48, 100, 16),
+    (-92, 124, 12),
+    (-138, 98, 8),
+    (-132, 44, 10),
+    (-88, 16, 13),
+    (-52, -8, 13),
+    (-60, -44, 10),
+    (-104, -52, 6),
+    (-130, -88, 2),
+    (-96, -128, 0),
+    (-50, -132, -1),
+]
+MOUNTAIN = [
+    (-20, -100, 0),
+    (40, -108, 4),
+    (96, -88, 10),
+    (110, -40, 15),
+    (76, -4, 18),
+    (84, 44, 16),
+    (120, 84, 12),
+    (92, 124, 8),
+    (36, 118, 5),
+    (-6, 88, 4),
+    (-44, 60, 7),
+    (-92, 72, 11),
+    (-128, 40, 13),
+    (-116, -8, 10),
+    (-76, -32, 6),
+    (-74, -72, 2),
+]
 
 
 @functools.lru_cache(32)
@@ -52,38 +108,84 @@ def lake() -> Course:
     """After the simulator's first track: wide bends round a lake, one sharp left and one sharp right, a bridge."""
     corners = np.array(LAKE, float) * (1.155, 1.155, 1)
     stretches = (
-        Stretch("water", 0.06, 0.33, -1), Stretch("hill", 0.02, 0.2, 1), Stretch("cliff", 0.22, 0.29, 1),
-        Stretch("bridge", 0.53, 0.575), Stretch("water", 0.515, 0.6), Stretch("grove", 0.62, 0.72, 1),
-        Stretch("dirt", 0.425, 0.485, 1), Stretch("dirt", 0.68, 0.74, -1), Stretch("hill", 0.36, 0.43, 1),
-        Stretch("hill", 0.75, 0.88, 1), Stretch("water", 0.8, 0.93, -1), Stretch("cliff", 0.9, 0.95, 1),
+        Stretch("water", 0.06, 0.33, -1),
+        Stretch("hill", 0.02, 0.2, 1),
+        Stretch("cliff", 0.22, 0.29, 1),
+        Stretch("bridge", 0.53, 0.575),
+        Stretch("water", 0.515, 0.6),
+        Stretch("grove", 0.62, 0.72, 1),
+        Stretch("dirt", 0.425, 0.485, 1),
+        Stretch("dirt", 0.68, 0.74, -1),
+        Stretch("hill", 0.36, 0.43, 1),
+        Stretch("hill", 0.75, 0.88, 1),
+        Stretch("water", 0.8, 0.93, -1),
+        Stretch("cliff", 0.9, 0.95, 1),
     )
     return Course(closed_road("lake", corners, 4.8), Look(paint_inside=1.15, trees=26), "noon", stretches, 1, 1.0)
 
 
 def jungle() -> Course:
     """After the second track: hills, hairpins, two lanes, hard shadows, cliffs; the car keeps to the right."""
-    look = Look(asphalt=(136, 134, 132), grain="tarmac", edge_line=(232, 232, 228),
-                middle_line=(232, 232, 228), shoulder=None, kerbs=False, grass=(78, 104, 38), dry=(100, 104, 54),
-                rock=(112, 112, 88), tree="palm", trees=34, relief=10, verge=1.5)
+    look = Look(
+        asphalt=(136, 134, 132),
+        grain="tarmac",
+        edge_line=(232, 232, 228),
+        middle_line=(232, 232, 228),
+        shoulder=None,
+        kerbs=False,
+        grass=(78, 104, 38),
+        dry=(100, 104, 54),
+        rock=(112, 112, 88),
+        tree="palm",
+        trees=34,
+        relief=10,
+        verge=1.5,
+    )
     stretches = (
-        Stretch("cliff", 0.04, 0.16, 1), Stretch("drop", 0.06, 0.18, -1), Stretch("cliff", 0.2, 0.28, -1),
-        Stretch("drop", 0.26, 0.36, 1), Stretch("cliff", 0.33, 0.42, -1), Stretch("hill", 0.42, 0.5, 1),
-        Stretch("grove", 0.45, 0.56, -1), Stretch("cliff", 0.52, 0.6, 1), Stretch("drop", 0.56, 0.64, -1),
-        Stretch("cliff", 0.66, 0.78, 1), Stretch("grove", 0.7, 0.8, -1), Stretch("cliff", 0.8, 0.88, -1),
-        Stretch("drop", 0.82, 0.9, 1), Stretch("cliff", 0.93, 0.99, 1),
+        Stretch("cliff", 0.04, 0.16, 1),
+        Stretch("drop", 0.06, 0.18, -1),
+        Stretch("cliff", 0.2, 0.28, -1),
+        Stretch("drop", 0.26, 0.36, 1),
+        Stretch("cliff", 0.33, 0.42, -1),
+        Stretch("hill", 0.42, 0.5, 1),
+        Stretch("grove", 0.45, 0.56, -1),
+        Stretch("cliff", 0.52, 0.6, 1),
+        Stretch("drop", 0.56, 0.64, -1),
+        Stretch("cliff", 0.66, 0.78, 1),
+        Stretch("grove", 0.7, 0.8, -1),
+        Stretch("cliff", 0.8, 0.88, -1),
+        Stretch("drop", 0.82, 0.9, 1),
+        Stretch("cliff", 0.93, 0.99, 1),
     )
     return Course(closed_road("jungle", np.array(JUNGLE, float), 4.8, lane=2.3), look, "noon", stretches, seed=2)
 
 
 def mountain() -> Course:
     """After the older simulator's track: dark, narrow, rocks at the edge."""
-    look = Look(asphalt=(104, 102, 104), grain="tarmac", edge_line=None, shoulder=(138, 126, 108),
-                kerbs=False, grass=(92, 86, 56), dry=(112, 96, 70), rock=(112, 104, 96), tree="boulder",
-                trees=60, relief=14, verge=2.5)
+    look = Look(
+        asphalt=(104, 102, 104),
+        grain="tarmac",
+        edge_line=None,
+        shoulder=(138, 126, 108),
+        kerbs=False,
+        grass=(92, 86, 56),
+        dry=(112, 96, 70),
+        rock=(112, 104, 96),
+        tree="boulder",
+        trees=60,
+        relief=14,
+        verge=2.5,
+    )
     stretches = (
-        Stretch("cliff", 0.03, 0.2, 1), Stretch("drop", 0.08, 0.22, -1), Stretch("cliff", 0.26, 0.4, -1),
-        Stretch("drop", 0.28, 0.38, 1), Stretch("cliff", 0.44, 0.6, 1), Stretch("hill", 0.44, 0.56, -1),
-        Stretch("cliff", 0.62, 0.72, -1), Stretch("drop", 0.64, 0.8, 1), Stretch("cliff", 0.84, 0.96, 1),
+        Stretch("cliff", 0.03, 0.2, 1),
+        Stretch("drop", 0.08, 0.22, -1),
+        Stretch("cliff", 0.26, 0.4, -1),
+        Stretch("drop", 0.28, 0.38, 1),
+        Stretch("cliff", 0.44, 0.6, 1),
+        Stretch("hill", 0.44, 0.56, -1),
+        Stretch("cliff", 0.62, 0.72, -1),
+        Stretch("drop", 0.64, 0.8, 1),
+        Stretch("cliff", 0.84, 0.96, 1),
     )
     return Course(closed_road("mountain", np.array(MOUNTAIN, float), 3.6), look, "overcast", stretches, seed=3)
 
@@ -137,12 +239,21 @@ def _random_look(random: np.random.Generator) -> Look:
     ground = np.array(GROUNDS[random.integers(len(GROUNDS))]) * random.uniform(0.8, 1.2, 3)
     edge = PAINTS[random.integers(len(PAINTS))]
     return Look(
-        asphalt=_colour(grey), grain=GRAINS[random.integers(len(GRAINS))],
-        edge_line=edge, middle_line=PAINTS[random.integers(len(PAINTS))], paint_inside=float(random.uniform(0.1, 0.8)),
-        shoulder=Look.shoulder if edge is None or random.uniform() < 0.5 else None, kerbs=bool(random.uniform() < 0.5),
-        grass=_colour(ground), dry=_colour(ground * random.uniform(0.7, 1.3, 3)),
-        rock=_colour(np.array([140, 132, 118]) * random.uniform(0.6, 1.1)), tree=TREES[random.integers(len(TREES))],
-        trees=float(random.uniform(5, 50)), relief=float(random.uniform(2, 12)), verge=float(random.uniform(0, 2)))
+        asphalt=_colour(grey),
+        grain=GRAINS[random.integers(len(GRAINS))],
+        edge_line=edge,
+        middle_line=PAINTS[random.integers(len(PAINTS))],
+        paint_inside=float(random.uniform(0.1, 0.8)),
+        shoulder=Look.shoulder if edge is None or random.uniform() < 0.5 else None,
+        kerbs=bool(random.uniform() < 0.5),
+        grass=_colour(ground),
+        dry=_colour(ground * random.uniform(0.7, 1.3, 3)),
+        rock=_colour(np.array([140, 132, 118]) * random.uniform(0.6, 1.1)),
+        tree=TREES[random.integers(len(TREES))],
+        trees=float(random.uniform(5, 50)),
+        relief=float(random.uniform(2, 12)),
+        verge=float(random.uniform(0, 2)),
+    )
 
 
 def _colour(values: Array) -> tuple[int, int, int]:

@@ -108,8 +108,8 @@ class Course:
         """How much of a kind lies on a side (-1, 1) at each of the track's points, 0..1, with soft ends."""
         weight = self._within(kind, {0, side}).astype(float)
         ramp = np.ones(int(RAMP / STEP)) / int(RAMP / STEP)
-        padded = np.concatenate([weight[-len(ramp):], weight, weight[: len(ramp)]])
-        return np.asarray(np.convolve(padded, ramp, "same")[len(ramp):-len(ramp)])
+        padded = np.concatenate([weight[-len(ramp) :], weight, weight[: len(ramp)]])
+        return np.asarray(np.convolve(padded, ramp, "same")[len(ramp) : -len(ramp)])
 
     def on_bridge(self) -> NDArray[np.bool_]:
         """Which of the track's points lie on a bridge."""

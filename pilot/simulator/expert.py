@@ -12,7 +12,7 @@ import numpy as np
 
 from pilot.camera import curvature_to_steering
 from pilot.simulator.car import GRAVITY, MPH, TICK
-from pilot.simulator.drive import Drive
+from pilot.simulator.episode import Episode
 
 LOOKAHEAD = 10.0  # metres from the rear axle to the point steered for; training labels shifted viewpoints likewise
 SIDEWAYS = 0.45 * GRAVITY  # m/s², that a bend is taken with at most
@@ -33,7 +33,7 @@ class Expert:
         seed: of the straying.
     """
 
-    drive: Drive
+    episode: Episode
     speed: float = 25.0
     wander: float = 0.0
     seed: int = 0
@@ -53,12 +53,12 @@ class Expert:
         if self.wander:
             step = TICK / WANDER_SECONDS
             kick = self.wander * math.sqrt(2 * step) * float(self._random.normal())
-            room = max(float(self.drive.track.margins.min()) - KEPT_CLEAR, 0.0)
+            room = max(float(self.episode.track.margins.min()) - KEPT_CLEAR, 0.0)
             self._aside = min(max(self._aside * (1 - step) + kick, -room), room)
 
     def _steer(self) -> float:
-        track, car = self.drive.track, self.drive.car
-        x, y, _ = track.at(self.drive.where.progress + LOOKAHEAD, track.lane + self._aside)
+        track, car = self.episode.track, self.episode.car
+        x, y, _ = track.at(self.episode.where.progress + LOOKAHEAD, track.lane + self._aside)
         east, north = x - car.x, y - car.y
         right = east * math.cos(car.heading) - north * math.sin(car.heading)
         wanted = curvature_to_steering(2 * right / (east * east + north * north))
@@ -69,15 +69,15 @@ class Expert:
 
     def _accelerate(self) -> float:
         """Full throttle below the speed that the road ahead allows, brake above."""
-        too_slow = self.allowed_speed() - self.drive.car.speed
+        too_slow = self.allowed_speed() - self.episode.car.speed
         if too_slow < -1.0:
             return max(0.5 * (too_slow + 1.0), -1.0)
         return min(max(0.5 * too_slow + 0.2, 0.0), 1.0)
 
     def allowed_speed(self) -> float:
         """m/s, from which the car can still brake for each bend ahead."""
-        speed = self.drive.car.speed
+        speed = self.episode.car.speed
         distance = np.arange(0, 10.0 + speed * speed / (2 * BRAKING), 0.5)
-        curvatures = np.abs(self.drive.track.curvature_ahead(self.drive.where.progress, len(distance) * 0.5))
+        curvatures = np.abs(self.episode.track.curvature_ahead(self.episode.where.progress, len(distance) * 0.5))
         in_bend = SIDEWAYS / np.maximum(curvatures, 1e-6)
         return min(math.sqrt(float((in_bend + 2 * BRAKING * distance).min())), self.speed * MPH)

@@ -24,8 +24,15 @@ DEMONSTRATIONS: dict[str, Demonstration] = {
 }
 
 
-def record(track: str, plan: Demonstration, folder: Path, *, light: str | None = None, listed_as: Path | None = None,
-           on_progress: Progress = lambda _: None) -> int:
+def record(
+    track: str,
+    plan: Demonstration,
+    folder: Path,
+    *,
+    light: str | None = None,
+    listed_as: Path | None = None,
+    on_progress: Progress = lambda _: None,
+) -> int:
     """Record the expert on a track (lake, jungle, mountain, random:SEED, with " reversed" behind for the other way).
 
     Returns:
@@ -39,9 +46,9 @@ def record(track: str, plan: Demonstration, folder: Path, *, light: str | None =
     with Simulator(CAMERAS) as simulator:
         simulator.reset(track, light=light)
         with RecordingWriter(folder, listed_as) as writer:
-            drive = simulator.drive
-            for moment in demonstrate(drive, plan):
-                writer.write(simulator.look(), drive.state.time, moment.command, drive.state.speed)
+            episode = simulator.episode
+            for moment in demonstrate(episode, plan):
+                writer.write(simulator.look(), episode.state.time, moment.command, episode.state.speed)
                 on_progress(moment.done)
             return writer.rows
 

@@ -12,7 +12,7 @@ import numpy as np
 from pilot.data.frames import Frame, encode_frame
 from pilot.data.log_format import CAMERAS, LOG_NAME
 from pilot.simulator.car import MPH, TICK
-from pilot.simulator.drive import Drive
+from pilot.simulator.episode import Episode
 from pilot.simulator.expert import Expert
 from pilot.simulator.track import HALF_TRACK
 
@@ -100,8 +100,13 @@ class Demonstration:
         Raises:
             ValueError: an option's value makes no sense.
         """
-        for name, least, most in (("laps", 0, 1000), ("recoveries", 0, 10000), ("rate", 0.1, 1 / TICK),
-                                  ("speed", 1, 30), ("wander", 0, 3)):
+        for name, least, most in (
+            ("laps", 0, 1000),
+            ("recoveries", 0, 10000),
+            ("rate", 0.1, 1 / TICK),
+            ("speed", 1, 30),
+            ("wander", 0, 3),
+        ):
             if not least <= getattr(self, name) <= most:
                 raise ValueError(f"{name} {getattr(self, name):g}: takes {least:g} to {most:g}")
 
@@ -119,46 +124,46 @@ class Moment:
     done: float
 
 
-def demonstrate(drive: Drive, plan: Demonstration) -> Iterator[Moment]:
+def demonstrate(episode: Episode, plan: Demonstration) -> Iterator[Moment]:
     """Drive as planned; stops at each moment that is to be recorded, before its command is carried out."""
-    lap_share = plan.laps / (plan.laps + plan.recoveries * METRES_OF_A_RECOVERY / drive.track.length or 1)
-    expert = Expert(drive, plan.speed, plan.wander, plan.seed)
-    for command in _commands(drive, expert, plan.rate, lambda: drive.laps >= plan.laps):
-        yield Moment(command, lap_share * drive.laps / plan.laps)
+    lap_share = plan.laps / (plan.laps + plan.recoveries * METRES_OF_A_RECOVERY / episode.track.length or 1)
+    expert = Expert(episode, plan.speed, plan.wander, plan.seed)
+    for command in _commands(episode, expert, plan.rate, lambda: episode.laps >= plan.laps):
+        yield Moment(command, lap_share * episode.laps / plan.laps)
     for number in range(plan.recoveries):
-        _displace(drive, number, plan)
-        latest = drive.ticks + round(LONGEST_RECOVERY / TICK)
-        over = functools.partial(_recovered, drive, latest)
-        for command in _commands(drive, Expert(drive, plan.speed), plan.rate, over):
+        _displace(episode, number, plan)
+        latest = episode.ticks + round(LONGEST_RECOVERY / TICK)
+        over = functools.partial(_recovered, episode, latest)
+        for command in _commands(episode, Expert(episode, plan.speed), plan.rate, over):
             yield Moment(command, lap_share + (1 - lap_share) * number / plan.recoveries)
 
 
-def _commands(drive: Drive, expert: Expert, rate: float, over: Callable[[], bool]) -> Iterator[tuple[float, float]]:
+def _commands(episode: Episode, expert: Expert, rate: float, over: Callable[[], bool]) -> Iterator[tuple[float, float]]:
     """Have the expert drive until it is over; yields its command at the moments to be recorded."""
-    first = drive.ticks
+    first = episode.ticks
     while not over():
         command = expert.command()
-        if is_due(drive.ticks - first, rate):
+        if is_due(episode.ticks - first, rate):
             yield command
-        drive.advance(*command)
+        episode.advance(*command)
 
 
-def _displace(drive: Drive, number: int, plan: Demonstration) -> None:
+def _displace(episode: Episode, number: int, plan: Demonstration) -> None:
     """Put the car beside its lane and askew, but on the road, as fast as suits it there."""
     random = np.random.default_rng([plan.seed, number])
-    start = drive.track.length * (number + float(random.uniform())) / plan.recoveries
-    edge = float(drive.track.half_widths.min()) - HALF_TRACK
-    offset, heading = float(random.uniform(-edge, edge)) - drive.track.lane, float(random.normal(0, ASKEW))
-    drive.place(start, offset, heading)
-    fastest = Expert(drive, plan.speed).allowed_speed() / MPH
-    drive.place(start, offset, heading, fastest * float(random.uniform(0.5, 1)))
+    start = episode.track.length * (number + float(random.uniform())) / plan.recoveries
+    edge = float(episode.track.half_widths.min()) - HALF_TRACK
+    offset, heading = float(random.uniform(-edge, edge)) - episode.track.lane, float(random.normal(0, ASKEW))
+    episode.place(start, offset, heading)
+    fastest = Expert(episode, plan.speed).allowed_speed() / MPH
+    episode.place(start, offset, heading, fastest * float(random.uniform(0.5, 1)))
 
 
-def _recovered(drive: Drive, latest: int) -> bool:
+def _recovered(episode: Episode, latest: int) -> bool:
     """Whether the car is back in its lane, or has had its time (ticks)."""
-    state = drive.state
+    state = episode.state
     back = abs(state.offset) < RECOVERED[0] and abs(state.heading_error) < RECOVERED[1]
-    return back or drive.ticks >= latest
+    return back or episode.ticks >= latest
 
 
 def is_due(tick: int, rate: float) -> bool:

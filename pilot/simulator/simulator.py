@@ -8,7 +8,7 @@ import numpy as np
 from pilot.data.frames import Frame
 from pilot.simulator.catalogue import load_course, load_track
 from pilot.simulator.course import LIGHTS
-from pilot.simulator.drive import Drive, State
+from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.rendering.renderer import Renderer
 from pilot.simulator.rendering.scene import Scene
 from pilot.simulator.track import REVERSED
@@ -26,7 +26,7 @@ class Observation:
     """
 
     frames: dict[str, Frame]
-    state: State
+    state: CarState
 
 
 class Simulator:
@@ -65,8 +65,8 @@ class Simulator:
             self._show(Scene(load_course(name), light))
             self._shown = (name, light)
         start = 0.0 if seed is None else float(np.random.default_rng(seed).uniform(0, road.length))
-        self.drive = Drive(road, start)
-        return Observation(self.look(), self.drive.state)
+        self.episode = Episode(road, start)
+        return Observation(self.look(), self.episode.state)
 
     def _show(self, scene: Scene) -> None:
         self.close()
@@ -75,12 +75,12 @@ class Simulator:
     def step(self, steering: float, throttle: float) -> Observation:
         """Drive a step by a command, each -1..1 (steering positive to the right, throttle below 0 brakes)."""
         for _ in range(self.ticks):
-            self.drive.advance(steering, throttle)
-        return Observation(self.look(), self.drive.state)
+            self.episode.advance(steering, throttle)
+        return Observation(self.look(), self.episode.state)
 
     def look(self) -> dict[str, Frame]:
         """What the cameras see now."""
-        return self.renderer.render_drive(self.drive)
+        return self.renderer.render_episode(self.episode)
 
     def close(self) -> None:
         """Free the renderer."""

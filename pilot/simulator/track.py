@@ -83,8 +83,14 @@ class Track:
     def reversed(self) -> "Track":
         """The same road driven the other way."""
         name = self.name.removesuffix(REVERSED) if self.name.endswith(REVERSED) else self.name + REVERSED
-        return replace(self, name=name, points=self.points[::-1], headings=self.headings[::-1] + math.pi,
-                       curvatures=-self.curvatures[::-1], half_widths=self.half_widths[::-1])
+        return replace(
+            self,
+            name=name,
+            points=self.points[::-1],
+            headings=self.headings[::-1] + math.pi,
+            curvatures=-self.curvatures[::-1],
+            half_widths=self.half_widths[::-1],
+        )
 
     def locate(self, x: float, y: float, near: float | None = None) -> Place:
         """The place of a point.
@@ -99,8 +105,13 @@ class Track:
         east, north = x - point_x, y - point_y
         along = east * math.sin(heading) + north * math.cos(heading)
         offset = east * math.cos(heading) - north * math.sin(heading)
-        return Place((index * STEP + along) % self.length, offset, heading + along * curvature, half_width,
-                     height + slope * along)
+        return Place(
+            (index * STEP + along) % self.length,
+            offset,
+            heading + along * curvature,
+            half_width,
+            height + slope * along,
+        )
 
     def _downhill(self, x: float, y: float, index: int) -> int:
         """The nearest point to x, y that is reached by coming ever nearer, point by point, from one close by."""

@@ -25,8 +25,10 @@ class Agreement:
     baseline_mse: float
 
     def __str__(self) -> str:
-        return (f"MSE {self.mse:.4f} (always the mean: {self.baseline_mse:.4f}), R² {self.r2:.3f}, "
-                f"correlation {self.correlation:.3f}, {self.count} moments")
+        return (
+            f"MSE {self.mse:.4f} (always the mean: {self.baseline_mse:.4f}), R² {self.r2:.3f}, "
+            f"correlation {self.correlation:.3f}, {self.count} moments"
+        )
 
 
 def agreement(predicted: ArrayLike, recorded: ArrayLike, training_mean: float) -> Agreement:

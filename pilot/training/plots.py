@@ -61,8 +61,11 @@ def sample_sheet(
     The line is the path that the label's steering drives; what the network does not see is dimmed.
     """
     steering = float(moment["steering"])
-    tiles = [(f"{camera} camera", read_frame(moment[camera]), side_steering(steering, camera, samples))
-             for camera in CAMERAS if moment[camera]]
+    tiles = [
+        (f"{camera} camera", read_frame(moment[camera]), side_steering(steering, camera, samples))
+        for camera in CAMERAS
+        if moment[camera]
+    ]
     tiles += _augmented(read_frame(moment["center"]), steering, augment)
     figure = Figure((12, 2.15 * -(-len(tiles) // 3)), layout="constrained")
     axes = figure.subplots(-(-len(tiles) // 3), 3).flat
@@ -84,14 +87,19 @@ def _augmented(frame: Frame, steering: float, config: AugmentConfig) -> list[tup
         "random height crop": crop_height(plain, top, bottom),
         f"viewpoint {metres:g} m to the right": shift_viewpoint(plain, metres, 0, config.viewpoint_lookahead),
         f"viewpoint {metres:g} m to the left": shift_viewpoint(plain, -metres, 0, config.viewpoint_lookahead),
-        f"viewpoint turned {config.viewpoint_degrees:g}° to the right":
-            shift_viewpoint(plain, 0, heading, config.viewpoint_lookahead),
+        f"viewpoint turned {config.viewpoint_degrees:g}° to the right": shift_viewpoint(
+            plain, 0, heading, config.viewpoint_lookahead
+        ),
     }
     dark, bright = config.brightness_range
     shade = shadow(frame, 0.35 * COLUMNS, 0.6 * COLUMNS, True, config.shadow_range[0])
     tiles = [(name, render(frame, view.homography, WHOLE), float(view.steering)) for name, view in views.items()]
-    return [*tiles, (f"brightness x {dark:g}", brightness(frame, dark), steering),
-            (f"brightness x {bright:g}", brightness(frame, bright), steering), ("shadow", shade, steering)]
+    return [
+        *tiles,
+        (f"brightness x {dark:g}", brightness(frame, dark), steering),
+        (f"brightness x {bright:g}", brightness(frame, bright), steering),
+        ("shadow", shade, steering),
+    ]
 
 
 def _draw_tile(axis: Axes, title: str, frame: Frame, steering: float, rows: tuple[int, int]) -> None:

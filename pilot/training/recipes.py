@@ -75,25 +75,44 @@ class TrainingConfig:
         Raises:
             ValueError: names the option, its value and what it may be.
         """
-        positive = {"epochs": self.epochs, "batch-size": self.batch_size, "learning-rate": self.learning_rate,
-                    "patience": self.patience, "huber-delta": self.huber_delta,
-                    "samples.block-seconds": self.samples.block_seconds, "samples.bins": self.samples.bins,
-                    "samples.cap": self.samples.cap, "samples.first-part": self.samples.first_part,
-                    "augment.viewpoint-lookahead": self.augment.viewpoint_lookahead}
-        not_negative = {"l2": self.l2, "warm-up": self.warm_up, "min-delta": self.min_delta, "cache-gb": self.cache_gb,
-                        "samples.smooth-seconds": self.samples.smooth_seconds,
-                        "samples.rotated-copies": self.samples.rotated_copies}
-        shares = {f"augment.{name}": getattr(self.augment, name)
-                  for name in ("flip", "rotation", "brightness", "shadow", "crop", "viewpoint")}
+        positive = {
+            "epochs": self.epochs,
+            "batch-size": self.batch_size,
+            "learning-rate": self.learning_rate,
+            "patience": self.patience,
+            "huber-delta": self.huber_delta,
+            "samples.block-seconds": self.samples.block_seconds,
+            "samples.bins": self.samples.bins,
+            "samples.cap": self.samples.cap,
+            "samples.first-part": self.samples.first_part,
+            "augment.viewpoint-lookahead": self.augment.viewpoint_lookahead,
+        }
+        not_negative = {
+            "l2": self.l2,
+            "warm-up": self.warm_up,
+            "min-delta": self.min_delta,
+            "cache-gb": self.cache_gb,
+            "samples.smooth-seconds": self.samples.smooth_seconds,
+            "samples.rotated-copies": self.samples.rotated_copies,
+        }
+        shares = {
+            f"augment.{name}": getattr(self.augment, name)
+            for name in ("flip", "rotation", "brightness", "shadow", "crop", "viewpoint")
+        }
         shares |= {"samples.drop-zeros": self.samples.drop_zeros, "samples.first-part": self.samples.first_part}
         _demand(positive, lambda value: value > 0, "must be greater than 0")
         _demand(not_negative, lambda value: value >= 0, "must not be negative")
         _demand(shares, lambda value: 0 <= value <= 1, "must lie in 0..1")
         if self.select == "replay" and self.samples.split != "blocks":
-            raise ValueError(f"--select replay with --samples.split {self.samples.split}: single moments cannot be "
-                             "replayed; take blocks")
-        _demand({"samples.validation-share": self.samples.validation_share}, lambda value: 0 < value < 1,
-                "must lie between 0 and 1: some data to learn from, some to check with")
+            raise ValueError(
+                f"--select replay with --samples.split {self.samples.split}: single moments cannot be "
+                "replayed; take blocks"
+            )
+        _demand(
+            {"samples.validation-share": self.samples.validation_share},
+            lambda value: 0 < value < 1,
+            "must lie between 0 and 1: some data to learn from, some to check with",
+        )
 
     @property
     def folders(self) -> tuple[Path, ...]:
@@ -117,20 +136,46 @@ NO_AUGMENTATION = AugmentConfig(flip=0, rotation=0, brightness=0, shadow=0, crop
 # Seed 000: side cameras, mirrored copies, six rotated copies of each, split by moments.
 _ROTATIONS = SampleConfig(split="moments", flipped_copies=True, rotated_copies=6, rotation_range=45)
 _SEED_000 = TrainingConfig(
-    recipe="nvidia-rotations", network="nvidia", batch_size=128, learning_rate=1e-3, l2=1e-3, patience=3,
-    schedule="constant", min_delta=1e-5, samples=_ROTATIONS, augment=NO_AUGMENTATION,
+    recipe="nvidia-rotations",
+    network="nvidia",
+    batch_size=128,
+    learning_rate=1e-3,
+    l2=1e-3,
+    patience=3,
+    schedule="constant",
+    min_delta=1e-5,
+    samples=_ROTATIONS,
+    augment=NO_AUGMENTATION,
 )
 # Seed 002: the centre camera with mirrored copies, nine of ten zeros dropped, 2 % for validation.
 _SEED_002 = TrainingConfig(
-    recipe="lenet-drop-zeros", network="lenet", batch_size=16, epochs=5, learning_rate=1e-3, l2=0, patience=5,
+    recipe="lenet-drop-zeros",
+    network="lenet",
+    batch_size=16,
+    epochs=5,
+    learning_rate=1e-3,
+    l2=0,
+    patience=5,
     schedule="constant",
-    samples=SampleConfig(cameras="center", balance="drop-zeros", drop_zeros=0.9, split="moments",
-                         validation_share=0.02, flipped_copies=True),
+    samples=SampleConfig(
+        cameras="center",
+        balance="drop-zeros",
+        drop_zeros=0.9,
+        split="moments",
+        validation_share=0.02,
+        flipped_copies=True,
+    ),
     augment=NO_AUGMENTATION,
 )
 # Seed 004: geometric rule for the side cameras, spikes taken out, everything else at random.
 _SEED_004 = TrainingConfig(
-    recipe="simplenet-spikes", network="simplenet", batch_size=128, epochs=20, learning_rate=1e-4, l2=0, patience=20,
+    recipe="simplenet-spikes",
+    network="simplenet",
+    batch_size=128,
+    epochs=20,
+    learning_rate=1e-4,
+    l2=0,
+    patience=20,
     schedule="constant",
     samples=SampleConfig(side_rule="geometric", balance="spikes", split="moments", validation_share=0.15),
     augment=AugmentConfig(crop=1.0, viewpoint=0),
@@ -147,20 +192,32 @@ _SEED_RECIPES: dict[str, TrainingConfig] = {
 # For the built-in simulator's demonstration. Side cameras and shifted views come back 10 m ahead, as its expert does;
 # no mirroring: the laps go both ways round, and keep to the right where there are two lanes. These labels are exact,
 # so that hardly any L2 is needed, and few epochs of large steps.
-_BUILT_IN = TrainingConfig(recipe="built-in", epochs=7, learning_rate=2e-3, warm_up=200, l2=1e-6,
-                           samples=SampleConfig(side_correction=0.11),
-                           augment=AugmentConfig(flip=0, viewpoint_lookahead=10))
+_BUILT_IN = TrainingConfig(
+    recipe="built-in",
+    epochs=7,
+    learning_rate=2e-3,
+    warm_up=200,
+    l2=1e-6,
+    samples=SampleConfig(side_correction=0.11),
+    augment=AugmentConfig(flip=0, viewpoint_lookahead=10),
+)
 RECIPES: dict[str, TrainingConfig] = {"default": TrainingConfig(), "built-in": _BUILT_IN, **_SEED_RECIPES}
 
 
 def config_from_plain(values: dict[str, Any]) -> TrainingConfig:
     """The configuration that `checkpoint.plain` turned into plain values."""
+
     def restore(values: dict[str, Any]) -> dict[str, Any]:
         return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
 
     top = restore(values)
-    return TrainingConfig(**{
-        **top, "data": tuple(map(Path, top["data"])), "out": Path(top["out"]),
-        "start": Path(top["start"]) if top["start"] else None,
-        "samples": SampleConfig(**restore(top["samples"])), "augment": AugmentConfig(**restore(top["augment"])),
-    })
+    return TrainingConfig(
+        **{
+            **top,
+            "data": tuple(map(Path, top["data"])),
+            "out": Path(top["out"]),
+            "start": Path(top["start"]) if top["start"] else None,
+            "samples": SampleConfig(**restore(top["samples"])),
+            "augment": AugmentConfig(**restore(top["augment"])),
+        }
+    )

@@ -24,7 +24,7 @@ SMOOTHED_SECONDS = 0.5  # a driver's jerks on the keyboard are no model's fault
 
 
 @dataclass(frozen=True)
-class Measured:
+class ValidationResult:
     """How a network agrees with the driver on the validation moments.
 
     Attributes:
@@ -67,13 +67,16 @@ def _event_writer(folder: Path) -> "SummaryWriter":
     return SummaryWriter(str(folder))
 
 
-def measure(training: Training) -> Measured:
+def measure(training: Training) -> ValidationResult:
     """Drive the validation moments with the network as it is; all processes take part."""
     validation = training.validation
     predicted = training.predict(validation)
     smooth = smooth_steering(validation.assign(steering=validation["recorded"]), SMOOTHED_SECONDS)
-    return Measured(predicted, agreement(predicted, validation["recorded"], training.training_mean),
-                    agreement(predicted, smooth, training.training_mean))
+    return ValidationResult(
+        predicted,
+        agreement(predicted, validation["recorded"], training.training_mean),
+        agreement(predicted, smooth, training.training_mean),
+    )
 
 
 def draw_samples(log: DrivingLog, training: Training) -> None:
@@ -88,12 +91,12 @@ def draw_samples(log: DrivingLog, training: Training) -> None:
     plots.save(sheet, config.report / "samples.png")
 
 
-def draw_results(training: Training, measured: Measured) -> None:
+def draw_results(training: Training, result: ValidationResult) -> None:
     """Draw how the training went and what the best epoch predicts."""
-    best, baseline = training.chosen["epoch"], measured.recorded.baseline_mse
+    best, baseline = training.chosen["epoch"], result.recorded.baseline_mse
     folder = training.config.report
     plots.save(plots.training_curves(training.history, best, baseline), folder / "training_curves.png")
-    plots.save(plots.predictions(training.validation, measured.predicted), folder / "predictions.png")
+    plots.save(plots.predictions(training.validation, result.predicted), folder / "predictions.png")
 
 
 def _unbalanced(log: DrivingLog, config: TrainingConfig) -> pd.DataFrame:

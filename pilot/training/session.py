@@ -17,7 +17,7 @@ from pilot.model.checkpoint import Model, load_plain, plain, save_model
 from pilot.model.networks import NETWORKS
 from pilot.training.distributed import Processes
 from pilot.training.recipes import TrainingConfig
-from pilot.training.report import SMOOTHED_SECONDS, History, Measured, draw_results, draw_samples, measure
+from pilot.training.report import SMOOTHED_SECONDS, History, ValidationResult, draw_results, draw_samples, measure
 from pilot.training.trainer import DrivingCheck, Progress, Training
 
 STATE = "state.pt"
@@ -40,10 +40,11 @@ def train(config: TrainingConfig, processes: Processes) -> None:
     samples, validation = make_samples(log.rows, config.samples, config.seed)
     # one process drives for all
     driving_check = make_driving_check(config, log, validation) if processes.leads else None
-    training = Training(config, samples, validation, processes=processes, driving_check=driving_check,
-                        cache=cache)
-    say(f"{len(training.training)} pictures to train on, {len(training.validation)} moments to validate with; "
-        f"network {config.network} on {training.device.type}")
+    training = Training(config, samples, validation, processes=processes, driving_check=driving_check, cache=cache)
+    say(
+        f"{len(training.training)} pictures to train on, {len(training.validation)} moments to validate with; "
+        f"network {config.network} on {training.device.type}"
+    )
     _prepare_state(config, training)
     history = History(config.report, tensorboard=config.tensorboard and processes.leads)
 
@@ -61,9 +62,9 @@ def train(config: TrainingConfig, processes: Processes) -> None:
         raise
     if config.select != "error":
         keep(config.report / LOWEST_ERROR, training.best, log, training)
-    measured = keep(config.out, training.chosen, log, training)
+    result = keep(config.out, training.chosen, log, training)
     if processes.leads:
-        finish(config, training, measured)
+        finish(config, training, result)
     processes.wait()
 
 
@@ -109,29 +110,35 @@ def _prepare_state(config: TrainingConfig, training: Training) -> None:
         state.replace(state.with_name("previous_state.pt"))
 
 
-def keep(path: Path, best: dict[str, Any], log: DrivingLog, training: Training) -> Measured:
+def keep(path: Path, best: dict[str, Any], log: DrivingLog, training: Training) -> ValidationResult:
     """Write the network of one of the best epochs with what is known about it; all processes take part."""
     network = training.take(best)
-    measured = measure(training)
-    data = {"recordings": list(map(str, log.recordings)), "rows": len(log.rows),
-            "left_out": list(map(dict, log.left_out)), "training_pictures": len(training.training),
-            "validation_moments": len(training.validation)}
-    metrics = {"epoch": best["epoch"], "recorded": measured.recorded, "smoothed": measured.smoothed}
+    result = measure(training)
+    data = {
+        "recordings": list(map(str, log.recordings)),
+        "rows": len(log.rows),
+        "left_out": list(map(dict, log.left_out)),
+        "training_pictures": len(training.training),
+        "validation_moments": len(training.validation),
+    }
+    metrics = {"epoch": best["epoch"], "recorded": result.recorded, "smoothed": result.smoothed}
     if training.processes.leads:
         save_model(path, Model(training.config.network, network, plain(training.config), data, plain(metrics)))
-    return measured
+    return result
 
 
-def finish(config: TrainingConfig, training: Training, measured: Measured) -> None:
+def finish(config: TrainingConfig, training: Training, result: ValidationResult) -> None:
     """Draw the pictures; say what was kept, where, and how good it is."""
-    draw_results(training, measured)
+    draw_results(training, result)
     if training.loader.unreadable:
         print(f"{len(training.loader.unreadable)} pictures became unreadable during the training and were left out")
-    print(f"\n{verdict(training)} "
-          "Against the driver's steering, on moments not trained on:\n"
-          f"  as recorded:           {measured.recorded}\n"
-          f"  averaged over {SMOOTHED_SECONDS} s:   {measured.smoothed}\n"
-          f"model: {config.out}    history and pictures: {config.report}{os.sep}")
+    print(
+        f"\n{verdict(training)} "
+        "Against the driver's steering, on moments not trained on:\n"
+        f"  as recorded:           {result.recorded}\n"
+        f"  averaged over {SMOOTHED_SECONDS} s:   {result.smoothed}\n"
+        f"model: {config.out}    history and pictures: {config.report}{os.sep}"
+    )
 
 
 def verdict(training: Training) -> str:
@@ -140,16 +147,20 @@ def verdict(training: Training) -> str:
     if training.config.select == "error":
         return f"epoch {kept} of {training.epoch} was the best."
     interventions, offset = training.chosen["error"]
-    return (f"epoch {kept} of {training.epoch} drove best ({interventions:.0f} interventions, {offset:.2f} m beside "
-            f"its place on average); epoch {lowest} has the lowest error, and is {LOWEST_ERROR} in the folder below.\n")
+    return (
+        f"epoch {kept} of {training.epoch} drove best ({interventions:.0f} interventions, {offset:.2f} m beside "
+        f"its place on average); epoch {lowest} has the lowest error, and is {LOWEST_ERROR} in the folder below.\n"
+    )
 
 
 def epoch_line(figures: dict[str, float], epochs: int) -> str:
     """One line about an epoch."""
     drive = f"{figures['interventions']:.0f} interventions, {figures['offset']:.2f} m, " if "offset" in figures else ""
-    return (f"epoch {figures['epoch']:3.0f}/{epochs}: training MSE {figures['training_mse']:.4f}, "
-            f"validation MSE {figures['validation_mse']:.4f}, R² {figures['validation_r2']:+.3f}, {drive}"
-            f"{figures['images_per_second']:.0f} images/s")
+    return (
+        f"epoch {figures['epoch']:3.0f}/{epochs}: training MSE {figures['training_mse']:.4f}, "
+        f"validation MSE {figures['validation_mse']:.4f}, R² {figures['validation_r2']:+.3f}, {drive}"
+        f"{figures['images_per_second']:.0f} images/s"
+    )
 
 
 def checking_bar(*, hidden: bool) -> Callable[[Iterable[str], int], Iterable[str]]:

@@ -51,9 +51,16 @@ class Training:
         best_driving: the same of the best drive so far, if there is a driving check.
     """
 
-    def __init__(self, config: TrainingConfig, training: pd.DataFrame, validation: pd.DataFrame, *,
-                 processes: Processes | None = None, driving_check: DrivingCheck | None = None,
-                 cache: FrameCache | None = None) -> None:
+    def __init__(
+        self,
+        config: TrainingConfig,
+        training: pd.DataFrame,
+        validation: pd.DataFrame,
+        *,
+        processes: Processes | None = None,
+        driving_check: DrivingCheck | None = None,
+        cache: FrameCache | None = None,
+    ) -> None:
         """Set up the network of `config` for these samples.
 
         Args:
@@ -70,7 +77,9 @@ class Training:
         self.parameters = list(self.network.parameters())
         self.optimiser = torch.optim.Adam(
             # Adam adds weight_decay * w to the gradient; that of l2 * sum of w**2 is 2 * l2 * w
-            self.parameters, lr=config.learning_rate, weight_decay=2 * config.l2,
+            self.parameters,
+            lr=config.learning_rate,
+            weight_decay=2 * config.l2,
             fused=self.device.type in ("cpu", "cuda"),
         )
         self.training, self.validation = training, validation
@@ -189,11 +198,17 @@ class Training:
         self.processes.average_statistics(self.network)
         validation = self.validate()
         training_mse = self.processes.sum(self.error_sum.clone()).item() / len(self.training)
-        self.history.append({
-            "epoch": self.epoch + 1, "training_mse": training_mse, "validation_mse": validation.mse,
-            "validation_r2": validation.r2, "validation_correlation": validation.correlation,
-            "learning_rate": learning_rate(self.config, self.epoch), "images_per_second": images_per_second,
-        })
+        self.history.append(
+            {
+                "epoch": self.epoch + 1,
+                "training_mse": training_mse,
+                "validation_mse": validation.mse,
+                "validation_r2": validation.r2,
+                "validation_correlation": validation.correlation,
+                "learning_rate": learning_rate(self.config, self.epoch),
+                "images_per_second": images_per_second,
+            }
+        )
         self.epoch, self.step = self.epoch + 1, 0
         self.error_sum.zero_()
         if validation.mse < self.best["error"] - self.config.min_delta:
@@ -229,12 +244,16 @@ class Training:
         """
         predicted = self.predict(self.validation)
         if not np.isfinite(predicted).all():
-            raise ValueError(f"the training diverged in epoch {self.epoch + 1}: its steering is no number any more. "
-                             f"Try a smaller --learning-rate than {self.config.learning_rate:g}")
+            raise ValueError(
+                f"the training diverged in epoch {self.epoch + 1}: its steering is no number any more. "
+                f"Try a smaller --learning-rate than {self.config.learning_rate:g}"
+            )
         if len(predicted) > 1 and np.ptp(predicted) == 0:
-            raise ValueError(f"the network died in epoch {self.epoch + 1}: it steers the same for every picture, and "
-                             "would for ever. Try another --seed, a longer --warm-up, or a smaller --learning-rate "
-                             f"than {self.config.learning_rate:g}")
+            raise ValueError(
+                f"the network died in epoch {self.epoch + 1}: it steers the same for every picture, and "
+                "would for ever. Try another --seed, a longer --warm-up, or a smaller --learning-rate "
+                f"than {self.config.learning_rate:g}"
+            )
         return agreement(predicted, self.validation["recorded"], self.training_mean)
 
     def predict(self, samples: pd.DataFrame) -> NDArray[np.float64]:
@@ -269,9 +288,15 @@ class Training:
     def state(self) -> dict[str, Any]:
         """All that is needed to go on later, as tensors and plain values."""
         return {
-            "config": plain(self.config), "fingerprint": fingerprint(self.training), "epoch": self.epoch,
-            "step": self.step, "error_sum": self.error_sum, "history": self.history, "best": self.best,
-            "best_driving": self.best_driving, "weights": self.network.state_dict(),
+            "config": plain(self.config),
+            "fingerprint": fingerprint(self.training),
+            "epoch": self.epoch,
+            "step": self.step,
+            "error_sum": self.error_sum,
+            "history": self.history,
+            "best": self.best,
+            "best_driving": self.best_driving,
+            "weights": self.network.state_dict(),
             "optimiser": self.optimiser.state_dict(),
         }
 
@@ -297,9 +322,16 @@ class Training:
 
     def _loader(self, samples: pd.DataFrame, *, augment: bool) -> BatchLoader:
         return BatchLoader(
-            samples, self.network.rows, self.config.batch_size, augment=self.config.augment if augment else None,
-            cache=self.cache, seed=self.config.seed, rank=self.processes.rank, world=self.processes.world,
-            parts=self.parts, for_gpu=self.device.type != "cpu",
+            samples,
+            self.network.rows,
+            self.config.batch_size,
+            augment=self.config.augment if augment else None,
+            cache=self.cache,
+            seed=self.config.seed,
+            rank=self.processes.rank,
+            world=self.processes.world,
+            parts=self.parts,
+            for_gpu=self.device.type != "cpu",
         )
 
 

@@ -26,7 +26,7 @@ class NoFramesError(ValueError):
 
 
 @dataclass(frozen=True)
-class Moment:
+class LogEntry:
     """What the log says about a frame; None where it does not."""
 
     steering: float | None = None
@@ -56,7 +56,7 @@ class Overlays:
 
 
 @dataclass
-class Made:
+class ClipResult:
     """What became of a drive: frames in the clip, and those that could not be read."""
 
     frames: int = 0
@@ -87,14 +87,17 @@ def frame_rate(frames: list[Path]) -> float:
     return min(round(1 / statistics.median(gaps), 2), 60.0) if gaps else DEFAULT_FPS
 
 
-def read_moments(folder: Path) -> dict[str, Moment]:
+def read_log_entries(folder: Path) -> dict[str, LogEntry]:
     """What the drive's log says, by the frame's name; empty without a log."""
     log = folder / LOG_NAME
     if not log.is_file():
         return {}
     lines = parse_log(log.read_bytes().decode("utf-8-sig", errors="replace"))
-    return {line.images["center"]: Moment(_value(line, "steering"), _value(line, "speed"))
-            for line in lines if "center" in line.images}
+    return {
+        line.images["center"]: LogEntry(_value(line, "steering"), _value(line, "speed"))
+        for line in lines
+        if "center" in line.images
+    }
 
 
 def _value(line: LogLine, name: str) -> float | None:
@@ -104,8 +107,14 @@ def _value(line: LogLine, name: str) -> float | None:
         return None
 
 
-def make_clip(folder: Path, target: Path, *, fps: float | None = None, overlays: Overlays | None = None,
-              progress: Progress = lambda frames: frames) -> Made:
+def make_clip(
+    folder: Path,
+    target: Path,
+    *,
+    fps: float | None = None,
+    overlays: Overlays | None = None,
+    progress: Progress = lambda frames: frames,
+) -> ClipResult:
     """Write the drive in `folder` as a video; frames that cannot be read are left out and counted.
 
     The clip is written under a temporary name and renamed at the end. All frames get the first one's
@@ -117,30 +126,32 @@ def make_clip(folder: Path, target: Path, *, fps: float | None = None, overlays:
     Raises:
         NoFramesError: no folder, no frames, or none that can be read.
     """
-    frames, made = find_frames(folder), Made()
+    frames, result = find_frames(folder), ClipResult()
     rate = fps or frame_rate(frames)
-    pictures = _pictures(progress(frames), made, read_moments(folder), overlays or Overlays())
+    pictures = _pictures(progress(frames), result, read_log_entries(folder), overlays or Overlays())
     first = next(pictures, None)
     if first is None:
         raise NoFramesError(f"{folder}: none of its {len(frames)} pictures can be read; record the drive anew")
     with move_when_done(target) as temporary, av.open(str(temporary), "w", format="mp4") as container:
         _encode(container, rate, first, pictures)
-    made.seconds = made.frames / rate
-    return made
+    result.seconds = result.frames / rate
+    return result
 
 
-def _pictures(frames: Iterable[Path], made: Made, moments: dict[str, Moment], overlays: Overlays) -> Iterator[Frame]:
+def _pictures(
+    frames: Iterable[Path], result: ClipResult, log_entries: dict[str, LogEntry], overlays: Overlays
+) -> Iterator[Frame]:
     for path in frames:
         try:
             frame = read_frame_as_is(path)
         except UnreadableImage:
-            made.unreadable += 1
+            result.unreadable += 1
             continue
-        made.frames += 1
-        yield decorate(frame, moments.get(path.name, Moment()), overlays)
+        result.frames += 1
+        yield decorate(frame, log_entries.get(path.name, LogEntry()), overlays)
 
 
-def decorate(frame: Frame, moment: Moment, overlays: Overlays) -> Frame:
+def decorate(frame: Frame, log_entry: LogEntry, overlays: Overlays) -> Frame:
     """The frame with overlays, enlarged so that they are legible; as it is without any."""
     if not overlays.any:
         return frame
@@ -148,11 +159,11 @@ def decorate(frame: Frame, moment: Moment, overlays: Overlays) -> Frame:
         frame = overlays.saliency(frame)
     scale = max(SCALE_TO / frame.shape[1], 1)
     picture = _resize(frame, round(frame.shape[1] * scale), round(frame.shape[0] * scale))
-    if overlays.path and moment.steering is not None:
-        draw_path(picture, moment.steering)
-    if overlays.wheel and moment.steering is not None:
-        draw_wheel(picture, moment.steering)
-    return draw_speed(picture, moment.speed) if overlays.speed and moment.speed is not None else picture
+    if overlays.path and log_entry.steering is not None:
+        draw_path(picture, log_entry.steering)
+    if overlays.wheel and log_entry.steering is not None:
+        draw_wheel(picture, log_entry.steering)
+    return draw_speed(picture, log_entry.speed) if overlays.speed and log_entry.speed is not None else picture
 
 
 def _encode(container: av.container.OutputContainer, rate: float, first: Frame, rest: Iterator[Frame]) -> None:
@@ -173,4 +184,3 @@ def _resize(frame: Frame, width: int, height: int) -> Frame:
         return frame
     method = cv2.INTER_CUBIC if width > frame.shape[1] else cv2.INTER_AREA
     return np.asarray(cv2.resize(frame, (width, height), interpolation=method), np.uint8)
-

@@ -54,8 +54,9 @@ def draw_speed(frame: Frame, speed: float) -> Frame:
     picture = Image.fromarray(frame)
     height, width = frame.shape[:2]
     place = (width - height // 16, height - height // 16)
-    ImageDraw.Draw(picture).text(place, f"{speed:.1f} mph", WHITE, _font(height // 9), anchor="rs",
-                                 stroke_width=2, stroke_fill=DARK)
+    ImageDraw.Draw(picture).text(
+        place, f"{speed:.1f} mph", WHITE, _font(height // 9), anchor="rs", stroke_width=2, stroke_fill=DARK
+    )
     return np.asarray(picture)
 
 

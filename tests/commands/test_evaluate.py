@@ -54,8 +54,24 @@ def test_a_table_figures_and_pictures(capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_models_side_by_side_with_lights_start_places_and_video(capsys: pytest.CaptureFixture[str]) -> None:
     save("model.pt")
-    arguments = ["model.pt", "expert", "--tracks", "mountain", "--lights", "evening", "--seeds", "3", "5",
-                 "--laps", "0.004", "--jobs", "1", "--video", "--out", "new/figures"]
+    arguments = [
+        "model.pt",
+        "expert",
+        "--tracks",
+        "mountain",
+        "--lights",
+        "evening",
+        "--seeds",
+        "3",
+        "5",
+        "--laps",
+        "0.004",
+        "--jobs",
+        "1",
+        "--video",
+        "--out",
+        "new/figures",
+    ]
     assert evaluate.main(arguments) == 0
     head, _, row, *_ = capsys.readouterr().out.splitlines()
     assert "model" in head
@@ -87,7 +103,10 @@ def test_a_recording_is_replayed(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_models_of_the_same_name_are_told_apart() -> None:
     assert evaluate.name_paths([Path("a/model.pt"), Path("b/model.pt"), Path("c/other.pt")]) == [
-        "a-model", "b-model", "other"]
+        "a-model",
+        "b-model",
+        "other",
+    ]
 
 
 def wait_until_gone(group: int) -> None:
@@ -102,8 +121,18 @@ def wait_until_gone(group: int) -> None:
 
 @pytest.mark.parametrize("ended_by", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_it_ends_with_all_its_processes(ended_by: signal.Signals) -> None:
-    command = [sys.executable, str(REPOSITORY / "evaluate.py"), "expert", "--tracks", "mountain", "lake", "--laps", "9",
-               "--jobs", "2"]
+    command = [
+        sys.executable,
+        str(REPOSITORY / "evaluate.py"),
+        "expert",
+        "--tracks",
+        "mountain",
+        "lake",
+        "--laps",
+        "9",
+        "--jobs",
+        "2",
+    ]
     with subprocess.Popen(command, stderr=subprocess.PIPE, start_new_session=True) as process:
         try:
             assert process.stderr is not None
@@ -118,24 +147,27 @@ def test_it_ends_with_all_its_processes(ended_by: signal.Signals) -> None:
     assert not Path("evaluation").exists()
 
 
-@pytest.mark.parametrize(("arguments", "says"), [
-    (["absent.pt"], "absent.pt: no such file"),
-    (["expert", "--tracks", "moon"], "track 'moon': there are lake, jungle, mountain"),
-    (["expert", "--tracks", "random:9-3"], "a range goes from less to more"),
-    (["expert", "--laps", "0"], "--laps 0: must be greater than 0"),
-    (["expert", "--speed", "60"], "--speed 60: must lie in 0..30"),
-    (["expert", "--speed", "0"], "--speed 0: must be at least 1 mph"),
-    (["expert", "--latency-ms", "30"], "--latency-ms 30: must be a multiple of 20"),
-    (["expert", "--lost-frames", "1"], "--lost-frames 1: must lie in 0..1"),
-    (["expert", "--jobs", "0"], "--jobs 0: must be at least 1"),
-    (["expert", "--seeds", "-1"], "--seeds -1: must not be negative"),
-    (["model.pt", "--socket", "--latency-ms", "80"], "--socket: --latency-ms and --lost-frames"),
-    (["expert", "--socket"], "the expert knows the road of the built-in simulator: not with --socket"),
-    (["expert", "--recordings", "laps"], "the expert knows the road of the built-in simulator"),
-    (["model.pt", "--recordings", "laps", "--last-part", "0"], "--last-part 0: must be greater than 0"),
-    (["expert", "expert"], "a model or a recording is named twice"),
-    ([], "which model?"),
-])
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["absent.pt"], "absent.pt: no such file"),
+        (["expert", "--tracks", "moon"], "track 'moon': there are lake, jungle, mountain"),
+        (["expert", "--tracks", "random:9-3"], "a range goes from less to more"),
+        (["expert", "--laps", "0"], "--laps 0: must be greater than 0"),
+        (["expert", "--speed", "60"], "--speed 60: must lie in 0..30"),
+        (["expert", "--speed", "0"], "--speed 0: must be at least 1 mph"),
+        (["expert", "--latency-ms", "30"], "--latency-ms 30: must be a multiple of 20"),
+        (["expert", "--lost-frames", "1"], "--lost-frames 1: must lie in 0..1"),
+        (["expert", "--jobs", "0"], "--jobs 0: must be at least 1"),
+        (["expert", "--seeds", "-1"], "--seeds -1: must not be negative"),
+        (["model.pt", "--socket", "--latency-ms", "80"], "--socket: --latency-ms and --lost-frames"),
+        (["expert", "--socket"], "the expert knows the road of the built-in simulator: not with --socket"),
+        (["expert", "--recordings", "laps"], "the expert knows the road of the built-in simulator"),
+        (["model.pt", "--recordings", "laps", "--last-part", "0"], "--last-part 0: must be greater than 0"),
+        (["expert", "expert"], "a model or a recording is named twice"),
+        ([], "which model?"),
+    ],
+)
 def test_errors_in_one_sentence(arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert evaluate.main(arguments) == 1
     error = capsys.readouterr().err.strip()

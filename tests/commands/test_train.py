@@ -97,9 +97,7 @@ def test_an_interrupted_training_resumes_to_the_same_model(
     assert torch.equal(weights(tmp_path / "model.pt"), weights(tmp_path / "whole.pt"))
 
 
-def test_resuming_refuses_other_options_and_takes_more_epochs(
-    recording: Recording, train: Callable[..., str]
-) -> None:
+def test_resuming_refuses_other_options_and_takes_more_epochs(recording: Recording, train: Callable[..., str]) -> None:
     recording(moments=60)
     train("--data", "laps", "--epochs", "1", *SMALL)
     output = train("--resume", "--batch-size", "16", fails=True)
@@ -128,9 +126,7 @@ def test_two_processes_train_to_the_same_quality(
     assert errors[0] == pytest.approx(errors[1], rel=0.05)
 
 
-def test_without_a_recording_where_one_should_be_it_says_what_to_do(
-    tmp_path: Path, train: Callable[..., str]
-) -> None:
+def test_without_a_recording_where_one_should_be_it_says_what_to_do(tmp_path: Path, train: Callable[..., str]) -> None:
     (tmp_path / "laps").mkdir()
     output = train("--data", "laps", fails=True)
     assert "laps: no driving_log.csv in it or below. Record laps with the simulator" in output

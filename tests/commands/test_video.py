@@ -17,9 +17,9 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A drive of 30 frames at 10 a second, with its log."""
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "run1"
-    for moment in range(30):
-        write_picture(folder / f"{stamp(moment)}.jpg", picture(steering_of(moment)))
-    rows = [f"{stamp(moment)}.jpg,,,{steering_of(moment)},0.2,0,{moment}\n" for moment in range(30)]
+    for log_entry in range(30):
+        write_picture(folder / f"{stamp(log_entry)}.jpg", picture(steering_of(log_entry)))
+    rows = [f"{stamp(log_entry)}.jpg,,,{steering_of(log_entry)},0.2,0,{log_entry}\n" for log_entry in range(30)]
     (folder / "driving_log.csv").write_text("".join(rows))
     return folder
 

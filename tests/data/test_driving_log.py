@@ -26,8 +26,11 @@ EXPECTED = [steering_of(moment) for moment in range(12)]
     [
         ("", lambda m: f"{names(m)},{steering_of(m)},1,0,30.1", "\n"),
         ("center,left,right,steering,throttle,brake,speed\n", lambda m: f"{names(m)},{steering_of(m)},1,0,30.1", "\n"),
-        ("center,left,right,steering,throttle,brake,speed\n",
-         lambda m: f"{names(m, between=', ')}, {steering_of(m)}, 1, 0, 30.1", "\n"),
+        (
+            "center,left,right,steering,throttle,brake,speed\n",
+            lambda m: f"{names(m, between=', ')}, {steering_of(m)}, 1, 0, 30.1",
+            "\n",
+        ),
         ("", lambda m: f"{names(m, '/home/somebody else/IMG/')},{steering_of(m)},1,0,30.1", "\n"),
         ("", lambda m: f"{names(m, WINDOWS)},{steering_of(m)},1,0,30.1", "\r\n"),
         ("﻿", lambda m: f"{names(m)},{steering_of(m)},1,0,30.1", "\r\n"),
@@ -37,8 +40,19 @@ EXPECTED = [steering_of(moment) for moment in range(12)]
         ("", lambda m: f'{names(m)},"{str(steering_of(m)).replace(".", ",")}",1,0,"30,1"', "\n"),
         ("center,left,right,brake,steering\n", lambda m: f"{names(m)},0,{steering_of(m)}", "\n"),
     ],
-    ids=["plain", "header", "spaces", "absolute", "windows", "bom", "spreadsheet", "scientific", "semicolons",
-         "quoted", "reordered"],
+    ids=[
+        "plain",
+        "header",
+        "spaces",
+        "absolute",
+        "windows",
+        "bom",
+        "spreadsheet",
+        "scientific",
+        "semicolons",
+        "quoted",
+        "reordered",
+    ],
 )
 def test_reads_every_variant_of_the_format(recording: Recording, head: str, line: object, end: str) -> None:
     folder = recording(moments=12, head=head, line=line, end=end)
@@ -49,8 +63,16 @@ def test_reads_every_variant_of_the_format(recording: Recording, head: str, line
 
 
 def test_tells_decimal_commas_from_separators(recording: Recording) -> None:
-    truth = [(-0.1447982, 1, 0, 30.1844), (0, 1, 0, 30.19027), (-0.35, 0.5, 0, 30.16378), (0, 0, 0, 12),
-             (0.1, 0, 0, 9.5), (7.6e-05, 0.25, 0.125, 0.01438605), (1, 1, 0, 30.19), (-1, 0, 0, 30)]
+    truth = [
+        (-0.1447982, 1, 0, 30.1844),
+        (0, 1, 0, 30.19027),
+        (-0.35, 0.5, 0, 30.16378),
+        (0, 0, 0, 12),
+        (0.1, 0, 0, 9.5),
+        (7.6e-05, 0.25, 0.125, 0.01438605),
+        (1, 1, 0, 30.19),
+        (-1, 0, 0, 30),
+    ]
 
     def line(moment: int) -> str:
         return f"{names(moment)}," + ",".join(f"{v:.7g}".replace(".", ",").replace("e", "E") for v in truth[moment])
@@ -84,8 +106,14 @@ def test_leaves_out_and_counts_what_cannot_be_used(recording: Recording) -> None
     log.write_text(log.read_text() + f"{names(0)[:70]}")
     result = read_driving_logs([folder])
     assert dict(result.left_out[0]) == {
-        "steering not a number": 3, "steering outside -1..1": 1, "image missing": 1, "image empty": 1,
-        "image corrupt": 2, "row incomplete": 1, "side image empty": 1, "side image missing": 1,
+        "steering not a number": 3,
+        "steering outside -1..1": 1,
+        "image missing": 1,
+        "image empty": 1,
+        "image corrupt": 2,
+        "row incomplete": 1,
+        "side image empty": 1,
+        "side image missing": 1,
     }
     assert len(result.rows) == 12
     assert (result.rows["left"] == "").sum() == 1

@@ -37,8 +37,9 @@ def decoded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return paths
 
 
-def test_a_picture_is_decoded_once_and_never_again(pictures: list[str], tmp_path: Path,
-                                                   monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_picture_is_decoded_once_and_never_again(
+    pictures: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     paths = decoded(monkeypatch)
     for _ in range(2):
         cache = checked(FrameCache(ROWS, limit=LIMIT, folder=tmp_path / "cache"), pictures)
@@ -52,7 +53,9 @@ def test_faults_are_remembered(pictures: list[str], tmp_path: Path) -> None:
     for _ in range(2):
         cache = FrameCache(ROWS, limit=LIMIT, folder=tmp_path / "cache")
         assert cache.check([*pictures, str(tmp_path / "gone.jpg")]) == {
-            pictures[1]: "image empty", str(tmp_path / "gone.jpg"): "image missing"}
+            pictures[1]: "image empty",
+            str(tmp_path / "gone.jpg"): "image missing",
+        }
     with pytest.raises(UnreadableImage, match="image missing"):
         cache.read("absent.jpg")
 

@@ -21,11 +21,20 @@ def drive(count: int = 600, recording: int = 0, steering: np.ndarray | None = No
     """Rows of a driving log, 10 a second."""
     number = np.arange(count)
     values = np.round(np.sin(number / 9) * 0.5, 3) if steering is None else steering
-    return pd.DataFrame({
-        "recording": recording, "line": number, "time": number * 0.1, "center": [f"c{recording}_{i}" for i in number],
-        "left": [f"l{recording}_{i}" for i in number], "right": [f"r{recording}_{i}" for i in number],
-        "steering": values, "throttle": 1.0, "brake": 0.0, "speed": 20.0,
-    })
+    return pd.DataFrame(
+        {
+            "recording": recording,
+            "line": number,
+            "time": number * 0.1,
+            "center": [f"c{recording}_{i}" for i in number],
+            "left": [f"l{recording}_{i}" for i in number],
+            "right": [f"r{recording}_{i}" for i in number],
+            "steering": values,
+            "throttle": 1.0,
+            "brake": 0.0,
+            "speed": 20.0,
+        }
+    )
 
 
 def keyboard(count: int = 3000) -> np.ndarray:

@@ -12,8 +12,18 @@ from test_server import IMAGE, Server, driven, steers
 from wire import WireClient, telemetry
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
-OPTIONS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--window-size=1100,900",
-           "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage")
+OPTIONS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--window-size=1100,900",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+)
 
 pytestmark = pytest.mark.skipif(
     not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver (apt install chromium chromium-driver)"
@@ -76,8 +86,10 @@ def test_shows_a_drive_from_waiting_to_manual(server: Server, browser: webdriver
 def test_the_slider_sets_the_speed(server: Server, browser: webdriver.Chrome) -> None:
     with server.client() as client:
         driven(client)
-        browser.execute_script("const s = document.getElementById('set-speed'); s.value = 27.5;"
-                               "s.dispatchEvent(new Event('input')); s.dispatchEvent(new Event('change'));")
+        browser.execute_script(
+            "const s = document.getElementById('set-speed'); s.value = 27.5;"
+            "s.dispatchEvent(new Event('input')); s.dispatchEvent(new Event('change'));"
+        )
         wait_for(browser, "samples.length && samples.at(-1).set_speed === 27.5", client)
         assert text(browser, "set-speed-value") == "27.5"
 

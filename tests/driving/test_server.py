@@ -128,8 +128,15 @@ def test_manual_driving_is_answered_with_manual(server: Server) -> None:
 
 @pytest.mark.parametrize(
     "change",
-    [{"image": "%%"}, {"image": None}, {"image": base64.b64encode(IMAGE[:3000]).decode()}, {"speed": "nan"},
-     {"speed": "1e9"}, {"speed": {}}, {"steering_angle": "x"}],
+    [
+        {"image": "%%"},
+        {"image": None},
+        {"image": base64.b64encode(IMAGE[:3000]).decode()},
+        {"speed": "nan"},
+        {"speed": "1e9"},
+        {"speed": {}},
+        {"steering_angle": "x"},
+    ],
 )
 def test_a_bad_telemetry_gets_the_last_command(server: Server, change: dict[str, object]) -> None:
     with server.free_client() as client:
@@ -208,8 +215,13 @@ def test_a_drive_is_recorded_and_makes_a_clip(tmp_path: Path) -> None:
 )
 def test_what_cannot_drive_is_refused(server: Server, arguments: list[str], says: str) -> None:
     (server.folder / "text.pt").write_text("no model")
-    result = subprocess.run([sys.executable, str(REPOSITORY / "drive.py"), *arguments], cwd=server.folder,
-                            capture_output=True, text=True, timeout=60)
+    result = subprocess.run(
+        [sys.executable, str(REPOSITORY / "drive.py"), *arguments],
+        cwd=server.folder,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert result.returncode == 1
     assert says in result.stderr
     assert "Traceback" not in result.stderr
@@ -234,8 +246,13 @@ IMAGES = st.one_of(
     st.integers(0, len(IMAGE)).map(lambda size: base64.b64encode(IMAGE[:size]).decode()),
 )
 NUMBERS = st.one_of(
-    st.sampled_from(["nan", "inf", "-inf", "1e999", "", "12,5", "0x10", "٣"]), st.floats().map(str), st.none(),
-    st.booleans(), st.integers(), st.lists(st.integers(), max_size=3), st.text(max_size=10),
+    st.sampled_from(["nan", "inf", "-inf", "1e999", "", "12,5", "0x10", "٣"]),
+    st.floats().map(str),
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.lists(st.integers(), max_size=3),
+    st.text(max_size=10),
 )
 FIELDS = {"image": IMAGES, "speed": NUMBERS, "steering_angle": NUMBERS, "throttle": NUMBERS}
 TELEMETRY = st.fixed_dictionaries({}, optional=FIELDS)
@@ -243,9 +260,29 @@ JSON = st.recursive(
     st.none() | st.booleans() | st.floats() | st.text(max_size=8),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
 )
-ODD = ["", "0", "3", "4", "5", "6", "7", "40", "40/other", "42", "42[", "43", "44", '451-["telemetry",{}]',
-       '451-["telemetry",{"_placeholder":true,"num":0}]', '42["telemetry",{"speed":]', '42["telemetry"]',
-       '42["connect",{}]', '42["disconnect"]', '42/x,["telemetry",{}]', '421["x"]']
+ODD = [
+    "",
+    "0",
+    "3",
+    "4",
+    "5",
+    "6",
+    "7",
+    "40",
+    "40/other",
+    "42",
+    "42[",
+    "43",
+    "44",
+    '451-["telemetry",{}]',
+    '451-["telemetry",{"_placeholder":true,"num":0}]',
+    '42["telemetry",{"speed":]',
+    '42["telemetry"]',
+    '42["connect",{}]',
+    '42["disconnect"]',
+    '42/x,["telemetry",{}]',
+    '421["x"]',
+]
 PACKETS = st.one_of(
     TELEMETRY.map(lambda data: "42" + json.dumps(["telemetry", data])),
     JSON.map(lambda data: "42" + json.dumps(["telemetry", data])),

@@ -12,10 +12,10 @@ from pilot.driving.controller import SpeedConfig
 from pilot.evaluation.closed_loop import Delay, ModelDriver, Referee, Steer, Task, drive_laps, expert_driver, run
 from pilot.evaluation.over_socket import run_over_socket
 from pilot.evaluation.plan import Setup, expand_tracks
-from pilot.evaluation.scores import Driven, Scores, measure
+from pilot.evaluation.scores import Scores, Trajectory, measure
 from pilot.model.checkpoint import Model, save_model
 from pilot.model.networks import build_network
-from pilot.simulator.drive import Drive
+from pilot.simulator.episode import Episode
 from pilot.simulator.track import Track, closed_road
 from pilot.workers import run_jobs
 
@@ -31,12 +31,12 @@ def winding() -> Track:
     return closed_road("winding", np.column_stack([radius * np.sin(angles), radius * np.cos(angles), 0 * angles]), 4.0)
 
 
-def straight(_drive: Drive) -> Steer:
+def straight(_drive: Episode) -> Steer:
     return lambda _frame: 0.0
 
 
-def drive(track: Track, who: object = expert_driver, *, seed: int = 0, **changes: object) -> Driven:
-    car = Drive(track)
+def drive(track: Track, who: object = expert_driver, *, seed: int = 0, **changes: object) -> Trajectory:
+    car = Episode(track)
     return drive_laps(car, lambda _: FRAME, who(car), dataclasses.replace(SETUP, **changes), seed=seed)
 
 
@@ -73,8 +73,10 @@ def test_latency_makes_it_worse(winding: Track) -> None:
 
 
 def test_lost_frames_make_it_worse_by_their_seed(winding: Track) -> None:
-    whole, torn, same, other = (drive(winding, laps=0.5, lost_frames=share, seed=seed)
-                                for share, seed in ((0.0, 1), (0.95, 1), (0.95, 1), (0.95, 2)))
+    whole, torn, same, other = (
+        drive(winding, laps=0.5, lost_frames=share, seed=seed)
+        for share, seed in ((0.0, 1), (0.95, 1), (0.95, 1), (0.95, 2))
+    )
     assert measure("", [torn]).offset_max > 2 * measure("", [whole]).offset_max
     assert np.array_equal(torn.positions, same.positions)
     assert not np.array_equal(torn.positions[:500], other.positions[:500])
@@ -96,7 +98,7 @@ def test_a_command_waits_its_time() -> None:
 
 
 def test_a_car_that_gets_nowhere_is_put_back_and_the_drive_ends(winding: Track) -> None:
-    car = Drive(winding)
+    car = Episode(winding)
     referee = Referee(car, laps=1.0, set_speed=20.0)
     while not referee.over:
         referee.see(car.advance(0.0, 0.0))
@@ -108,7 +110,7 @@ def test_a_car_that_gets_nowhere_is_put_back_and_the_drive_ends(winding: Track) 
 
 
 def test_driving_backwards_is_no_progress(winding: Track) -> None:
-    car = Drive(winding)
+    car = Episode(winding)
     car.place(20.0, heading_error=math.pi, speed=2.0)
     referee = Referee(car, laps=1.0, set_speed=20.0)
     while not referee.interventions:
@@ -151,6 +153,13 @@ def test_drive_py_s_last_words_are_passed_on(tmp_path: Path) -> None:
 
 def test_ranges_of_tracks() -> None:
     assert expand_tracks(["lake", "random:8-10", "random:9", "lake reversed", "random:0-1 reversed"]) == [
-        "lake", "random:8", "random:9", "random:10", "lake reversed", "random:0 reversed", "random:1 reversed"]
+        "lake",
+        "random:8",
+        "random:9",
+        "random:10",
+        "lake reversed",
+        "random:0 reversed",
+        "random:1 reversed",
+    ]
     with pytest.raises(ValueError, match="from less to more"):
         expand_tracks(["random:5-2"])

@@ -53,8 +53,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     truth = []
     with Simulator(CAMERAS) as simulator, RecordingWriter(folder) as writer:
         simulator.reset("lake")
-        for moment in demonstrate(simulator.drive, PLAN):
-            state = simulator.drive.state
+        for moment in demonstrate(simulator.episode, PLAN):
+            state = simulator.episode.state
             truth.append((state.offset, state.heading_error))
             writer.write(simulator.look(), state.time, moment.command, state.speed)
     rows = read_driving_logs([folder]).rows
@@ -191,9 +191,9 @@ def test_the_centre_picture_moved_to_a_side_camera_is_that_cameras_picture(
 def test_a_turned_car_sees_sky_and_road_turned(degrees: float) -> None:
     with Simulator() as simulator:
         simulator.reset("lake")
-        simulator.drive.place(30.0)
+        simulator.episode.place(30.0)
         straight = simulator.look()["center"]
-        simulator.drive.place(30.0, heading_error=math.radians(degrees))
+        simulator.episode.place(30.0, heading_error=math.radians(degrees))
         turned = simulator.look()["center"]
     warped = warp(straight, 0.0, math.radians(degrees))
     for part in (ROAD, np.s_[20:55, 60:260]):

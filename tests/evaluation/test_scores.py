@@ -8,22 +8,40 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pilot.evaluation.scores import Driven, Intervention, Scores, measure, wilson
+from pilot.evaluation.scores import Intervention, Scores, Trajectory, measure, wilson
 from pilot.evaluation.table import Evaluation, read_json, table, verdict, write_json
 
 SECONDS = 120.0
 LAP = 500.0
 
 
-def driven(seconds: float = SECONDS, interventions: int = 0, *, speed: float = 10.0, offset: float = 0.0,
-           every: float = 0.02, lap: float | None = LAP) -> Driven:
+def driven(
+    seconds: float = SECONDS,
+    interventions: int = 0,
+    *,
+    speed: float = 10.0,
+    offset: float = 0.0,
+    every: float = 0.02,
+    lap: float | None = LAP,
+) -> Trajectory:
     """Straight on at `speed` m/s, beside the lane's middle, the steering swinging ±0.5 each second and a half."""
     times = np.arange(round(seconds / every) + 1) * every
     steering = 0.5 * np.sign(np.sin(2 * math.pi * (times + 1e-6) / 1.5))
-    taken = tuple(Intervention(float(time), 0, 0, speed * float(time), "off the road")
-                  for time in np.linspace(1, seconds - 1, interventions))
-    return Driven(times, np.column_stack([0 * times, speed * times]), np.full(len(times), speed / 0.44704), steering,
-                  speed * times, np.full(len(times), offset), np.full(len(times), math.radians(-2)), taken, lap)
+    taken = tuple(
+        Intervention(float(time), 0, 0, speed * float(time), "off the road")
+        for time in np.linspace(1, seconds - 1, interventions)
+    )
+    return Trajectory(
+        times,
+        np.column_stack([0 * times, speed * times]),
+        np.full(len(times), speed / 0.44704),
+        steering,
+        speed * times,
+        np.full(len(times), offset),
+        np.full(len(times), math.radians(-2)),
+        taken,
+        lap,
+    )
 
 
 def test_autonomy_is_nvidias() -> None:
@@ -40,8 +58,10 @@ def test_an_interval_shrinks_with_more_driving_and_is_never_a_point() -> None:
     assert widths[0] > widths[1] > widths[2] > 0
 
 
-@pytest.mark.parametrize(("lost", "trials", "low", "high"), [(0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634),
-                                                            (10, 10, 0.7225, 1.0), (0, 0, 0.0, 1.0)])
+@pytest.mark.parametrize(
+    ("lost", "trials", "low", "high"),
+    [(0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634), (10, 10, 0.7225, 1.0), (0, 0, 0.0, 1.0)],
+)
 def test_wilson_intervals_are_the_textbooks(lost: int, trials: int, low: float, high: float) -> None:
     assert wilson(lost, trials) == pytest.approx((low, high), abs=1e-4)
 

@@ -33,8 +33,9 @@ def test_writes_what_the_real_simulator_writes(tmp_path: Path) -> None:
     rows = recorder.record("lake", SHORT, tmp_path / "laps")
     lines = (tmp_path / "laps" / LOG_NAME).read_text().splitlines()
     assert len(lines) == rows > 30
-    paths = r",".join(rf"{re.escape(str(tmp_path))}/laps/IMG/{camera}_[\d_]{{23}}\.jpg"
-                      for camera in ("center", "left", "right"))
+    paths = r",".join(
+        rf"{re.escape(str(tmp_path))}/laps/IMG/{camera}_[\d_]{{23}}\.jpg" for camera in ("center", "left", "right")
+    )
     for line in lines:
         assert re.fullmatch(paths + r"(,-?\d+(\.\d+)?(e-\d+)?){4}", line), line
     frame = cv2.imread(lines[5].split(",")[1])
@@ -80,9 +81,14 @@ def test_the_steering_belongs_to_the_picture(tmp_path: Path) -> None:
             frame = simulator.step(steering, throttle - brake).frames["center"]
 
 
-@pytest.mark.parametrize(("plan", "message"), [
-    (Demonstration(laps=-1), "laps -1: takes 0 to 1000"), (Demonstration(rate=100), "rate 100: takes 0.1 to 50"),
-    (Demonstration(speed=90), "speed 90: takes 1 to 30")])
+@pytest.mark.parametrize(
+    ("plan", "message"),
+    [
+        (Demonstration(laps=-1), "laps -1: takes 0 to 1000"),
+        (Demonstration(rate=100), "rate 100: takes 0.1 to 50"),
+        (Demonstration(speed=90), "speed 90: takes 1 to 30"),
+    ],
+)
 def test_refuses_what_cannot_be_driven(plan: Demonstration, message: str, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=message):
         recorder.record("lake", plan, tmp_path / "new")
@@ -90,19 +96,40 @@ def test_refuses_what_cannot_be_driven(plan: Demonstration, message: str, tmp_pa
 
 
 def test_the_command_records_and_says_what_to_do_next(tmp_path: Path) -> None:
-    command = [sys.executable, str(REPOSITORY / "simulator.py"), "record", "--track", "random:3", "--reverse",
-               "--laps", "0.01", "--out", "laps"]
+    command = [
+        sys.executable,
+        str(REPOSITORY / "simulator.py"),
+        "record",
+        "--track",
+        "random:3",
+        "--reverse",
+        "--laps",
+        "0.01",
+        "--out",
+        "laps",
+    ]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     assert re.search(r"\d+ moments in laps. To learn from them: python model.py --data laps", done.stdout)
     assert (tmp_path / "laps" / LOG_NAME).exists()
 
 
-@pytest.mark.parametrize("arguments", [["record", "--track", "moon", "--out", "x"], ["record", "--out", "/dev/null/x"],
-                                       ["record", "--laps", "-2", "--out", "x"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["record", "--track", "moon", "--out", "x"],
+        ["record", "--out", "/dev/null/x"],
+        ["record", "--laps", "-2", "--out", "x"],
+    ],
+)
 def test_the_command_refuses_in_a_sentence(arguments: list[str], tmp_path: Path) -> None:
-    done = subprocess.run([sys.executable, str(REPOSITORY / "simulator.py"), *arguments], cwd=tmp_path,
-                          capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, str(REPOSITORY / "simulator.py"), *arguments],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert done.returncode == 1
     assert re.fullmatch(r"simulator\.py: .*\n", done.stderr.splitlines(keepends=True)[-1])
     assert "Traceback" not in done.stderr

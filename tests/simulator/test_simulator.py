@@ -56,15 +56,15 @@ def test_reset_again_in_another_simulator_gives_the_same_frames(simulator: Simul
 @pytest.mark.parametrize(("camera", "side"), [("left", -1), ("right", 1)])
 def test_a_side_camera_sees_what_the_middle_one_sees_from_there(simulator: Simulator, camera: str, side: int) -> None:
     simulator.reset("lake")
-    simulator.drive.place(30.0)
+    simulator.episode.place(30.0)
     seen = simulator.look()[camera]
-    simulator.drive.place(30.0, side * SIDE_CAMERA_OFFSET)
+    simulator.episode.place(30.0, side * SIDE_CAMERA_OFFSET)
     assert difference(simulator.look()["center"], seen) < 1.0
 
 
 def test_lines_on_the_road_are_where_the_cameras_geometry_says(simulator: Simulator) -> None:
     simulator.reset("lake")
-    simulator.drive.place(straightest(simulator.drive.track))
+    simulator.episode.place(straightest(simulator.episode.track))
     frame = simulator.look()["center"].astype(int)
     yellow = frame[:, :, :2].mean(2) - frame[:, :, 2] > 60
     yellow[:, 158:162] = False
@@ -83,10 +83,10 @@ def test_lines_on_the_road_are_where_the_cameras_geometry_says(simulator: Simula
 def test_a_warped_frame_looks_like_one_taken_from_there(simulator: Simulator, offset: float, heading: float) -> None:
     """What training's shifted viewpoints and the replay of recordings rest on."""
     simulator.reset("lake")
-    start = straightest(simulator.drive.track)
-    simulator.drive.place(start)
+    start = straightest(simulator.episode.track)
+    simulator.episode.place(start)
     before = simulator.look()["center"]
-    simulator.drive.place(start, offset, heading)
+    simulator.episode.place(start, offset, heading)
     there = simulator.look()["center"]
     warped = cv2.warpPerspective(before, viewpoint_homography(offset, heading), (320, 160))
     road = np.zeros((160, 320), bool)
@@ -100,7 +100,7 @@ def test_light_changes_the_picture_and_not_the_road(simulator: Simulator) -> Non
     frames = {light: simulator.reset("lake", light=light).frames["center"] for light in LIGHTS}
     for first, second in itertools.combinations(frames.values(), 2):
         assert difference(first, second) > 5
-    assert len({simulator.drive.track.length for _ in LIGHTS}) == 1
+    assert len({simulator.episode.track.length for _ in LIGHTS}) == 1
 
 
 def test_seeds_choose_the_start(simulator: Simulator) -> None:
@@ -118,7 +118,7 @@ def test_says_when_a_wheel_leaves_the_road_and_how_far_it_went(simulator: Simula
             break
     assert not observation.state.on_road
     assert abs(observation.state.offset) > 1.5
-    start = simulator.drive.track.at(0)
+    start = simulator.episode.track.at(0)
     straight = math.hypot(observation.state.x - start[0], observation.state.y - start[1])
     assert observation.state.progress == pytest.approx(straight, rel=0.2)
 
@@ -138,7 +138,7 @@ def test_says_what_there_is(simulator: Simulator, bad: dict[str, str]) -> None:
 def test_the_road_hides_the_land_and_the_bonnet_is_there(simulator: Simulator) -> None:
     simulator.reset("jungle")
     for start in np.arange(0, 1300, 40.0):
-        simulator.drive.place(start)
+        simulator.episode.place(start)
         frames = simulator.look()
         green = frames["center"][100:130, 130:200].astype(int)
         assert (green[:, :, 1] - green[:, :, 0] > 25).mean() < 0.02, start

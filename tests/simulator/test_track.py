@@ -16,8 +16,9 @@ EVERY_NAME = [*NAMED, *(f"random:{seed}" for seed in range(12))]
 def circle(radius: float = 50.0, half_width: float = 4.0) -> Track:
     """Driven clockwise: it bends to the right."""
     angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    return closed_road("circle", np.column_stack([radius * np.sin(angles), radius * np.cos(angles), 0 * angles]),
-                       half_width)
+    return closed_road(
+        "circle", np.column_stack([radius * np.sin(angles), radius * np.cos(angles), 0 * angles]), half_width
+    )
 
 
 def test_a_circle_has_its_length_curvature_and_headings() -> None:
@@ -77,8 +78,9 @@ def test_lake_is_as_long_as_the_real_one_and_driven_counter_clockwise() -> None:
 
 
 def test_refuses_what_is_no_road() -> None:
-    eight = np.array([[0, 0, 0], [60, 60, 0], [120, 0, 0], [60, -60, 0], [0, 0, 0], [-60, 60, 0], [-120, 0, 0],
-                      [-60, -60, 0]], float)
+    eight = np.array(
+        [[0, 0, 0], [60, 60, 0], [120, 0, 0], [60, -60, 0], [0, 0, 0], [-60, 60, 0], [-120, 0, 0], [-60, -60, 0]], float
+    )
     with pytest.raises(ValueError, match="of itself"):
         closed_road("eight", eight, 4.0)
     with pytest.raises(ValueError, match=r"a bend of 8.\d m radius is too tight"):

@@ -95,8 +95,9 @@ def test_a_state_of_other_data_is_refused(samples: tuple[pd.DataFrame, pd.DataFr
         other.restore(state)
 
 
-def test_stops_early_and_keeps_the_best_epoch(samples: tuple[pd.DataFrame, pd.DataFrame],
-                                              monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stops_early_and_keeps_the_best_epoch(
+    samples: tuple[pd.DataFrame, pd.DataFrame], monkeypatch: pytest.MonkeyPatch
+) -> None:
     errors = iter([0.5, 0.3, 0.299995, 0.4, 0.6, 0.1])
     kept: list[torch.Tensor] = []
     training = Training(replace(CONFIG, epochs=6, patience=3, min_delta=1e-5), *samples)
@@ -125,7 +126,7 @@ def test_starts_from_a_model(samples: tuple[pd.DataFrame, pd.DataFrame], tmp_pat
 
 
 def test_keeps_the_epoch_that_drives_best_beside_that_of_the_lowest_error(
-    samples: tuple[pd.DataFrame, pd.DataFrame]
+    samples: tuple[pd.DataFrame, pd.DataFrame],
 ) -> None:
     drives = iter([(1, 0.2), (0, 0.4), (0, 0.3), (2, 0.1)])  # fewer interventions first, then the smaller offset
     kept: list[torch.Tensor] = []
@@ -226,8 +227,16 @@ def test_an_absent_device_is_an_error_that_names_those_there_are() -> None:
 def test_parts_add_up_to_the_whole_batch(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
     training = Training(CONFIG, *samples)
     part = whole(training)
-    halves = [replace(part, frames=part.frames[half], steering=part.steering[half], weight=part.weight[half],
-                      index=part.index[half]) for half in (slice(0, 20), slice(20, 32))]
+    halves = [
+        replace(
+            part,
+            frames=part.frames[half],
+            steering=part.steering[half],
+            weight=part.weight[half],
+            index=part.index[half],
+        )
+        for half in (slice(0, 20), slice(20, 32))
+    ]
     together, error = training.gradients(read(part), 32)
     (first, first_error), (second, second_error) = (training.gradients(read(half), 32) for half in halves)
     for a, b, both in zip(first, second, together, strict=True):
@@ -245,16 +254,24 @@ def whole(training: Training) -> Part:
     """The first batch of a training, in one part."""
     parts = [part() for part in next(training.loader.epoch(0)).parts]
     names = ("frames", "steering", "weight")
-    return Part(*(torch.cat([getattr(part, name) for part in parts]) for name in names),
-                index=np.concatenate([part.index for part in parts]))
+    return Part(
+        *(torch.cat([getattr(part, name) for part in parts]) for name in names),
+        index=np.concatenate([part.index for part in parts]),
+    )
 
 
-@pytest.mark.parametrize(("network", "device", "batch_size", "parts"), [
-    ("pilotnet", "cpu", 64, 2), ("pilotnet", "cpu", 24, 1), ("pilotnet", "cuda", 64, 1),
-    ("densenet", "cpu", 64, 1),  # normalises over the whole batch
-])
-def test_a_batch_is_divided_among_the_cores(network: str, device: str, batch_size: int, parts: int,
-                                            monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("network", "device", "batch_size", "parts"),
+    [
+        ("pilotnet", "cpu", 64, 2),
+        ("pilotnet", "cpu", 24, 1),
+        ("pilotnet", "cuda", 64, 1),
+        ("densenet", "cpu", 64, 1),  # normalises over the whole batch
+    ],
+)
+def test_a_batch_is_divided_among_the_cores(
+    network: str, device: str, batch_size: int, parts: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("pilot.training.devices.CORES", 2)
     assert parts_of_a_batch(build_network(network), torch.device(device), batch_size) == parts
 

@@ -40,9 +40,15 @@ class DriveState:
             return
         self.answer = answer
         if not self._samples or now - self._samples[-1]["time"] >= SAMPLE_SECONDS:
-            self._samples.append({"time": round(now, 3), "speed": round(answer.telemetry.speed, 2),
-                                  "set_speed": round(self.autopilot.speed.wanted_speed(answer.steering), 2),
-                                  "steering": round(answer.steering, 4), "throttle": round(answer.throttle, 3)})
+            self._samples.append(
+                {
+                    "time": round(now, 3),
+                    "speed": round(answer.telemetry.speed, 2),
+                    "set_speed": round(self.autopilot.speed.wanted_speed(answer.steering), 2),
+                    "steering": round(answer.steering, 4),
+                    "throttle": round(answer.throttle, 3),
+                }
+            )
 
     @property
     def state(self) -> str:
@@ -59,7 +65,9 @@ class DriveState:
         times = sorted(seconds for _, seconds in recent)
         answer = self.answer
         return {
-            "state": self.state, "time": round(now, 3), "set_speed": self.autopilot.speed.set_speed,
+            "state": self.state,
+            "time": round(now, 3),
+            "set_speed": self.autopilot.speed.set_speed,
             "steering": round(answer.steering, 4) if answer else 0.0,
             "throttle": round(answer.throttle, 3) if answer else 0.0,
             "speed": round(answer.telemetry.speed, 2) if answer and answer.telemetry else 0.0,

@@ -24,11 +24,22 @@ SHADOW = 0.45  # opacity
 # Cross-sections from the tail forward: y, half the width, lowest and highest z; the colour up to the next one.
 # The bonnet's end is where the centre camera of the real simulator has it.
 Section = tuple[float, float, float, float]
-HULL: list[Section] = [(-0.92, 0.76, 0.46, 0.72), (-0.84, 0.9, 0.34, 0.86), (0.9, 0.94, 0.32, 0.9),
-                       (2.1, 0.94, 0.32, 0.84), (3.2, 0.92, 0.34, 0.74), (3.66, 0.84, 0.36, 0.64),
-                       (3.74, 0.7, 0.38, 0.54)]
-CABIN: list[Section] = [(-0.5, 0.8, 0.86, 0.88), (0.2, 0.64, 0.86, 1.3), (1.0, 0.64, 0.86, 1.36),
-                        (1.55, 0.66, 0.86, 1.3), (2.35, 0.82, 0.8, 0.83)]
+HULL: list[Section] = [
+    (-0.92, 0.76, 0.46, 0.72),
+    (-0.84, 0.9, 0.34, 0.86),
+    (0.9, 0.94, 0.32, 0.9),
+    (2.1, 0.94, 0.32, 0.84),
+    (3.2, 0.92, 0.34, 0.74),
+    (3.66, 0.84, 0.36, 0.64),
+    (3.74, 0.7, 0.38, 0.54),
+]
+CABIN: list[Section] = [
+    (-0.5, 0.8, 0.86, 0.88),
+    (0.2, 0.64, 0.86, 1.3),
+    (1.0, 0.64, 0.86, 1.36),
+    (1.55, 0.66, 0.86, 1.3),
+    (2.35, 0.82, 0.8, 0.83),
+]
 
 
 class Body:
@@ -125,8 +136,10 @@ def _wheel() -> tuple[Array, list[Colour]]:
     angles = np.linspace(0, 2 * np.pi, SIDES + 1)
     ring = np.column_stack([np.zeros(SIDES + 1), np.cos(angles), np.sin(angles)])
     right = np.array([WIDTH / 2, 0, 0])
-    tread = np.stack([RADIUS * ring[:-1] - right, RADIUS * ring[1:] - right,
-                      RADIUS * ring[1:] + right, RADIUS * ring[:-1] + right], axis=1)
+    tread = np.stack(
+        [RADIUS * ring[:-1] - right, RADIUS * ring[1:] - right, RADIUS * ring[1:] + right, RADIUS * ring[:-1] + right],
+        axis=1,
+    )
     bands = [(RADIUS, 0.66 * RADIUS), (0.66 * RADIUS, 0.0)]
     faces = [side for outer, inner in bands for side in _faces(ring, right, outer, inner)]
     spokes: list[Colour] = [RIM if number % 4 < 2 else TYRE for number in range(SIDES)]

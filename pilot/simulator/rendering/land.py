@@ -76,8 +76,13 @@ def grow_plants(course: Course, terrain: Terrain) -> Plants:
     count = len(places)
     points = np.column_stack([places, terrain.sample(terrain.heights, places) - 0.15])
     scale = random.uniform(0.67, 1.33, count)
-    return Plants(points, width * scale, height * scale * random.uniform(0.85, 1.15, count),
-                  random.uniform(0, np.pi, count), random.uniform(0.7, 1.0, count))
+    return Plants(
+        points,
+        width * scale,
+        height * scale * random.uniform(0.85, 1.15, count),
+        random.uniform(0, np.pi, count),
+        random.uniform(0.7, 1.0, count),
+    )
 
 
 def plant_mesh(course: Course, plants: Plants, shine: Array) -> Mesh:
@@ -93,8 +98,17 @@ def plant_mesh(course: Course, plants: Plants, shine: Array) -> Mesh:
         aside = np.column_stack([np.cos(plants.angles + turn), np.sin(plants.angles + turn), 0 * plants.angles])
         aside *= plants.widths[:, None] / 2
         top = np.array([0, 0, 1]) * plants.heights[:, None]
-        crossed.append(np.stack([plants.points - aside, plants.points + aside,
-                                 plants.points + aside + top, plants.points - aside + top], axis=1))
+        crossed.append(
+            np.stack(
+                [
+                    plants.points - aside,
+                    plants.points + aside,
+                    plants.points + aside + top,
+                    plants.points - aside + top,
+                ],
+                axis=1,
+            )
+        )
     corners = np.concatenate(crossed)
     colours = np.repeat(255 * (shine * plants.shades[:, None])[:, None], 4, axis=1)
     texels = np.broadcast_to(INSIDE, (len(corners), 4, 2))

@@ -47,8 +47,10 @@ def bake_light(terrain: Terrain, plants: Plants, light: Light, tree: str) -> Lig
     shade = np.zeros((SIZE, SIZE), np.uint8)
     _plant_shadows(shade, terrain, plants, light, crown=CROWN[tree])
     fine *= 1 - light.shadows * cv2.GaussianBlur(shade, (0, 0), 0.7).astype(np.float32) / 255
-    colours = [cv2.convertScaleAbs(fine, alpha=255 * sun, beta=255 * ambient)
-               for sun, ambient in zip(light.sun, light.ambient, strict=True)]
+    colours = [
+        cv2.convertScaleAbs(fine, alpha=255 * sun, beta=255 * ambient)
+        for sun, ambient in zip(light.sun, light.ambient, strict=True)
+    ]
     return LightMap(np.asarray(cv2.merge(colours), np.uint8), terrain.corner, terrain.size)
 
 
@@ -78,14 +80,24 @@ def _hill_shadows(terrain: Terrain, light: Light) -> Array:
     longest = float(heights.max() - heights.min()) / per_metre
     for distance in np.arange(1.5, min(REACH, longest), 1.5):
         shift = direction * distance * COARSE / terrain.size
-        moved = cv2.warpAffine(heights, np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]], np.float32), (COARSE, COARSE),
-                               borderMode=cv2.BORDER_REPLICATE)
+        moved = cv2.warpAffine(
+            heights,
+            np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]], np.float32),
+            (COARSE, COARSE),
+            borderMode=cv2.BORDER_REPLICATE,
+        )
         hidden = np.maximum(hidden, moved - heights - distance * per_metre)
     return np.asarray(1 - light.shadows * (hidden / 0.6).clip(0, 1))
 
 
-def _plant_shadows(shade: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]", terrain: Terrain, plants: Plants,
-                   light: Light, *, crown: float) -> None:
+def _plant_shadows(
+    shade: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]",
+    terrain: Terrain,
+    plants: Plants,
+    light: Light,
+    *,
+    crown: float,
+) -> None:
     """Draw the plants' shadows, as they fall on level ground; 255 where nothing of the sun comes through."""
     east, north, up = _sun(light)
     away = -np.array([east, north]) / up  # of a shadow's tip, per metre of height

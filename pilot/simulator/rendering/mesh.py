@@ -43,5 +43,10 @@ def join(meshes: Iterable[Mesh]) -> list[Mesh]:
     alike: dict[str, list[Mesh]] = {}
     for mesh in meshes:
         alike.setdefault(mesh.texture, []).append(mesh)
-    return [Mesh(texture, *(np.concatenate([getattr(mesh, name) for mesh in group])
-                            for name in ("corners", "colours", "texels"))) for texture, group in alike.items()]
+    return [
+        Mesh(
+            texture,
+            *(np.concatenate([getattr(mesh, name) for mesh in group]) for name in ("corners", "colours", "texels")),
+        )
+        for texture, group in alike.items()
+    ]

@@ -5,8 +5,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def smooth_noise(random: np.random.Generator, rows: int, columns: int, cells: int,
-                 octaves: int = 4) -> NDArray[np.float64]:
+def smooth_noise(
+    random: np.random.Generator, rows: int, columns: int, cells: int, octaves: int = 4
+) -> NDArray[np.float64]:
     """A random field of about -1..1 (rows x columns) that goes on at its opposite border.
 
     Args:

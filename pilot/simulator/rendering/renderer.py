@@ -30,18 +30,21 @@ from pilot.camera import (
     camera_rotation,
 )
 from pilot.data.frames import Frame
-from pilot.simulator.drive import Drive
+from pilot.simulator.episode import Episode
 from pilot.simulator.rendering.bonnet import add_bonnet
 from pilot.simulator.rendering.scene import Scene
 
 NEAR, FAR = 0.4, 1200.0
 
-load_prc_file_data("", """
+load_prc_file_data(
+    "",
+    """
     audio-library-name null
     sync-video 0
     notify-level-device fatal
     garbage-collect-states 0
-""")
+""",
+)
 
 
 @functools.cache
@@ -65,7 +68,8 @@ class Renderer:
         depth.set_rgb_color(True)
         depth.set_depth_bits(24)
         self._output: GraphicsOutput = self._engine.make_output(
-            pipe, "cameras", 0, depth, size, GraphicsPipe.BF_refuse_window)
+            pipe, "cameras", 0, depth, size, GraphicsPipe.BF_refuse_window
+        )
         self._output.set_clear_color((*(value / 255 for value in scene.light.sky), 1))
         self._picture = Texture("cameras")
         self._output.add_render_texture(self._picture, GraphicsOutput.RTM_copy_ram)
@@ -103,10 +107,10 @@ class Renderer:
             frames[name] = add_bonnet(frame, name, self.scene.light)
         return frames
 
-    def render_drive(self, drive: Drive) -> dict[str, Frame]:
+    def render_episode(self, episode: Episode) -> dict[str, Frame]:
         """What the cameras of a car on its road see: 160x320x3 uint8 RGB each."""
-        car = drive.car
-        return self.render(car.x, car.y, self.scene.ground(drive), car.heading, drive.slope)
+        car = episode.car
+        return self.render(car.x, car.y, self.scene.ground(episode), car.heading, episode.slope)
 
     def close(self) -> None:
         """Free the buffer."""

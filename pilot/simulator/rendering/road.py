@@ -57,8 +57,16 @@ class _Strips:
         """Which rows have a kind of roadside on a side."""
         return np.asarray(self.rows(self.course.weight(kind, side)) > 0.5)
 
-    def lay(self, texture: str, left: Array, right: Array, *, colour: Array | Colour, where: Rows,
-            lift: tuple[float, float] = (0.0, 0.0)) -> None:
+    def lay(
+        self,
+        texture: str,
+        left: Array,
+        right: Array,
+        *,
+        colour: Array | Colour,
+        where: Rows,
+        lift: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         """A strip between two offsets (metres right of the middle, at the track's points), lifted at each side."""
         first, last = self._border(left, lift[0]), self._border(right, lift[1])
         corners = np.stack([first[:-1], last[:-1], last[1:], first[1:]], axis=1)
@@ -69,8 +77,17 @@ class _Strips:
         texels = np.stack([across, along], axis=2) / TILE[texture]
         self.meshes.append(Mesh(texture, corners[where], np.repeat(colours[where, None], 4, axis=1), texels[where]))
 
-    def lay_beside(self, side: int, texture: str, inner: float, outer: float, *, colour: Array | Colour, where: Rows,
-                   lift: tuple[float, float] = (0.0, 0.0)) -> None:
+    def lay_beside(
+        self,
+        side: int,
+        texture: str,
+        inner: float,
+        outer: float,
+        *,
+        colour: Array | Colour,
+        where: Rows,
+        lift: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         """A strip on a side (-1, 1), from `inner` to `outer` metres beyond the road's edge."""
         near, far = side * (self.track.half_widths + inner), side * (self.track.half_widths + outer)
         if side > 0:
@@ -123,6 +140,9 @@ def _beside(strips: _Strips, side: int) -> None:
 
 def _wall(strips: _Strips, side: int) -> None:
     """The bridge's wall: what the driver sees of it, its top, and what one sees from the land."""
-    for inner, outer, colour, lift in ((0.0, 0.001, WALL, (0.0, 0.8)), (0.0, 0.4, WALL_TOP, (0.8, 0.8)),
-                                       (0.4, 0.401, WALL, (0.8, -2.5))):
+    for inner, outer, colour, lift in (
+        (0.0, 0.001, WALL, (0.0, 0.8)),
+        (0.0, 0.4, WALL_TOP, (0.8, 0.8)),
+        (0.4, 0.401, WALL, (0.8, -2.5)),
+    ):
         strips.lay_beside(side, "concrete", inner, outer, colour=colour, where=strips.bridge, lift=lift)

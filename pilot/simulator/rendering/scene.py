@@ -22,7 +22,7 @@ from panda3d.core import (
 )
 
 from pilot.simulator.course import LIGHTS, Course, Light, Plant
-from pilot.simulator.drive import Drive
+from pilot.simulator.episode import Episode
 from pilot.simulator.rendering.land import grow_plants, land_meshes, plant_mesh
 from pilot.simulator.rendering.lightmap import LightMap, bake_light
 from pilot.simulator.rendering.mesh import Mesh, join
@@ -68,13 +68,13 @@ class Scene:
         self.sky = _sky(self.light, course)
         self.sky.reparent_to(self.root)
 
-    def ground(self, drive: Drive) -> float:
+    def ground(self, episode: Episode) -> float:
         """Height (metres) of the ground under a car: of the road, and some metres beside it of the land."""
-        beside = abs(drive.where.offset) - drive.where.half_width - LEVEL_BESIDE
+        beside = abs(episode.where.offset) - episode.where.half_width - LEVEL_BESIDE
         if beside <= 0:
-            return drive.where.height
-        land = float(self.terrain.sample(self.terrain.heights, np.array([[drive.car.x, drive.car.y]]))[0])
-        return drive.where.height + (land - drive.where.height) * min(beside / 2.0, 1.0)
+            return episode.where.height
+        land = float(self.terrain.sample(self.terrain.heights, np.array([[episode.car.x, episode.car.y]]))[0])
+        return episode.where.height + (land - episode.where.height) * min(beside / 2.0, 1.0)
 
 
 def _lit(node: NodePath, shine: LightMap) -> NodePath:

@@ -15,8 +15,13 @@ MARGIN = 110.0  # metres of land around the outermost road
 LEVEL_BESIDE = 3.0  # metres beside the road that are as high as it
 BELOW_ROAD = 0.3  # metres that the land lies under the road, which is a surface of its own
 RISE: dict[Roadside, tuple[float, float]] = {  # metres up, and how far from the road that is reached
-    "hill": (7.0, 32.0), "cliff": (11.0, 8.0), "drop": (-9.0, 14.0), "water": (-5.0, 14.0), "bridge": (-5.0, 4.0),
-    "grove": (1.5, 30.0), "dirt": (0.0, 10.0),
+    "hill": (7.0, 32.0),
+    "cliff": (11.0, 8.0),
+    "drop": (-9.0, 14.0),
+    "water": (-5.0, 14.0),
+    "bridge": (-5.0, 4.0),
+    "grove": (1.5, 30.0),
+    "dirt": (0.0, 10.0),
 }
 
 
@@ -58,8 +63,9 @@ class Terrain:
         """A field's values at points (n x 2, metres), between the grid's points by bilinear interpolation."""
         columns = ((points[:, 0] - self.west) / CELL).astype(np.float32)
         rows = ((points[:, 1] - self.south) / CELL).astype(np.float32)
-        sampled = cv2.remap(field.astype(np.float32), columns[None], rows[None], cv2.INTER_LINEAR,
-                            borderMode=cv2.BORDER_REPLICATE)
+        sampled = cv2.remap(
+            field.astype(np.float32), columns[None], rows[None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
         return np.asarray(sampled[0], float)
 
 

@@ -75,8 +75,16 @@ def _pine(picture: Picture, random: np.random.Generator) -> None:
         at = (int(256 + random.uniform(-reach, reach) * 0.8), int(512 * height))
         shade = random.uniform(0.6, 1.25)
         colour = (int(92 * shade), int(98 * shade), int(52 * shade), 255)
-        cv2.ellipse(picture, at, (int(random.uniform(22, 46)), int(random.uniform(8, 18))),
-                    random.uniform(-20, 20), 0, 360, colour, -1)
+        cv2.ellipse(
+            picture,
+            at,
+            (int(random.uniform(22, 46)), int(random.uniform(8, 18))),
+            random.uniform(-20, 20),
+            0,
+            360,
+            colour,
+            -1,
+        )
 
 
 def _palm(picture: Picture, random: np.random.Generator) -> None:
@@ -86,17 +94,26 @@ def _palm(picture: Picture, random: np.random.Generator) -> None:
         shade = random.uniform(0.7, 1.2)
         length = random.uniform(170, 235)
         steps = np.linspace(0, 1, 12)
-        leaf = np.column_stack([256 + length * steps * np.cos(angle),
-                                150 + length * steps * np.sin(angle) * 0.6 + 190 * steps**2.2]).astype(np.int32)
-        cv2.polylines(picture, [leaf], isClosed=False, color=(int(70 * shade), int(98 * shade), int(40 * shade), 255),
-                      thickness=26)
+        leaf = np.column_stack(
+            [256 + length * steps * np.cos(angle), 150 + length * steps * np.sin(angle) * 0.6 + 190 * steps**2.2]
+        ).astype(np.int32)
+        cv2.polylines(
+            picture,
+            [leaf],
+            isClosed=False,
+            color=(int(70 * shade), int(98 * shade), int(40 * shade), 255),
+            thickness=26,
+        )
 
 
 def _boulder(picture: Picture, random: np.random.Generator) -> None:
     outline = np.array([[10, 511], [30, 330], [110, 210], [215, 110], [330, 130], [420, 230], [480, 360], [505, 511]])
     cv2.fillPoly(picture, [outline], (140, 132, 122, 255))
-    faces = (([[10, 511], [30, 330], [110, 210], [160, 360], [130, 511]], 0.7), ([[110, 210], [215, 110], [250, 240],
-             [160, 360]], 1.1), ([[330, 130], [420, 230], [480, 360], [505, 511], [360, 511], [300, 320]], 0.82))
+    faces = (
+        ([[10, 511], [30, 330], [110, 210], [160, 360], [130, 511]], 0.7),
+        ([[110, 210], [215, 110], [250, 240], [160, 360]], 1.1),
+        ([[330, 130], [420, 230], [480, 360], [505, 511], [360, 511], [300, 320]], 0.82),
+    )
     for face, shade in faces:
         cv2.fillPoly(picture, [np.array(face)], (int(140 * shade), int(132 * shade), int(122 * shade), 255))
     grain = (1 + 0.18 * smooth_noise(random, 512, 512, 14))[:, :, None]

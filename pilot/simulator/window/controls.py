@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from pilot.simulator.clock import TickClock
-from pilot.simulator.drive import Drive, State
+from pilot.simulator.episode import CarState, Episode
 
 STEERING_STEP = 0.05  # per tick: so a key takes 0.4 s to full lock, as in the real simulator
 MOUSE_SPAN = 0.25  # of the window's width, that the mouse is dragged for full lock
@@ -92,13 +92,13 @@ class HandDriving:
 
     done = False
 
-    def __init__(self, drive: Drive, controls: Controls, on_tick: Callable[[State], None] | None = None) -> None:
-        self.drive, self.controls, self.on_tick = drive, controls, on_tick
+    def __init__(self, episode: Episode, controls: Controls, on_tick: Callable[[CarState], None] | None = None) -> None:
+        self.episode, self.controls, self.on_tick = episode, controls, on_tick
         self._clock = TickClock()
 
     def advance(self, seconds: float) -> None:
         """Move the car by the time (s) that has passed."""
         for _ in range(self._clock.ticks(seconds)):
-            state = self.drive.advance(*self.controls.tick())
+            state = self.episode.advance(*self.controls.tick())
             if self.on_tick is not None:
                 self.on_tick(state)

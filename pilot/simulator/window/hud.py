@@ -12,7 +12,7 @@ from panda3d.core import (
     TransparencyAttrib,
 )
 
-from pilot.simulator.drive import State
+from pilot.simulator.episode import CarState
 
 UNITS = 540.0  # height of the window in the units below, whatever its size in pixels
 MARGIN = 18.0
@@ -86,13 +86,19 @@ class Hud:
         self._lens.set_film_size(wide, UNITS)
         self._lens.set_film_offset(wide / 2, UNITS / 2)
         top, bottom = UNITS - MARGIN - 16, MARGIN + 30
-        for node, x, y in ((self._speed, MARGIN, bottom), (self._laps, MARGIN, top), (self._bar, wide / 2, bottom + 8),
-                           (self._recording, wide - MARGIN, top), (self._note, wide / 2, top - 30),
-                           (self._warning, wide / 2, 0.72 * UNITS), (self._keys, wide / 2, MARGIN)):
+        for node, x, y in (
+            (self._speed, MARGIN, bottom),
+            (self._laps, MARGIN, top),
+            (self._bar, wide / 2, bottom + 8),
+            (self._recording, wide - MARGIN, top),
+            (self._note, wide / 2, top - 30),
+            (self._warning, wide / 2, 0.72 * UNITS),
+            (self._keys, wide / 2, MARGIN),
+        ):
             node.set_pos(x, 0, y)
         self._keys.set_scale(min(14.0, wide / 54))  # in a narrow window it must still be whole
 
-    def show(self, state: State, laps: float, rows: int | None, note: str) -> None:
+    def show(self, state: CarState, laps: float, rows: int | None, note: str) -> None:
         """Bring it up to date.
 
         Args:

@@ -28,7 +28,7 @@ from pilot.data.frames import Frame
 from pilot.data.log_format import CAMERAS
 from pilot.interrupt import catch_interrupt
 from pilot.simulator.car import MPH, TICK
-from pilot.simulator.drive import Drive, State
+from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.recording import REAL_RATE, RecordingWriter, is_due
 from pilot.simulator.rendering.body import Body
 from pilot.simulator.rendering.renderer import FAR, NEAR
@@ -48,8 +48,10 @@ KEYS = "Backspace back to road    C camera    H help    Esc quit"
 BEHIND, ABOVE = 6.5, 2.4  # metres, chase camera from the rear axle
 CLEARANCE = 1.0  # metres, that it keeps from the ground
 SWING_SECONDS = 0.35  # in which it follows the car's turns
-NO_DISPLAY = ("no window can be opened: there is no display. Without one there are `python simulator.py record` and "
-              "`python simulator.py drive --headless`; `xvfb-run` makes a display that nobody sees")
+NO_DISPLAY = (
+    "no window can be opened: there is no display. Without one there are `python simulator.py record` and "
+    "`python simulator.py drive --headless`; `xvfb-run` makes a display that nobody sees"
+)
 
 
 class Control(Protocol):
@@ -114,7 +116,7 @@ class Capture:
             except OSError as error:  # what was held back for writing has no room
                 self._say(f"the recording's end is lost: {error}")
 
-    def add(self, state: State) -> None:
+    def add(self, state: CarState) -> None:
         """Once per tick: write a row if one is due."""
         if not self._writer:
             return
@@ -150,8 +152,15 @@ class Window:
         output: Panda3D's window.
     """
 
-    def __init__(self, drive: Drive, scene: Scene, capture: Capture | None = None, *,
-                 title: str = "simulator", size: tuple[int, int] = SIZE) -> None:
+    def __init__(
+        self,
+        episode: Episode,
+        scene: Scene,
+        capture: Capture | None = None,
+        *,
+        title: str = "simulator",
+        size: tuple[int, int] = SIZE,
+    ) -> None:
         """Open the window.
 
         Args:
@@ -164,7 +173,7 @@ class Window:
         Raises:
             RuntimeError: there is no display.
         """
-        self.drive, self.scene, self.capture = drive, scene, capture
+        self.episode, self.scene, self.capture = episode, scene, capture
         self.controls, self.note, self.behind = Controls(), "", False
         # an engine of its own: the one of the cameras draws whenever a picture is asked for
         self._engine = GraphicsEngine()
@@ -178,7 +187,7 @@ class Window:
         self._lens = PerspectiveLens()
         self._camera = self._world.attach_new_node(Camera("window", self._lens))
         self._add_view()
-        self._heading, self._travelled = drive.car.heading, 0.0
+        self._heading, self._travelled = episode.car.heading, 0.0
         self._quit = False
 
     def _add_view(self) -> None:
@@ -191,8 +200,9 @@ class Window:
 
     def run(self, control: Control) -> None:
         """Show the drive until its end, Escape, the window's closing or Ctrl-C."""
-        self._hud.keys = ((DRIVING_KEYS if isinstance(control, HandDriving) else "")
-                          + (RECORDING_KEYS if self.capture else "") + KEYS)
+        self._hud.keys = (
+            (DRIVING_KEYS if isinstance(control, HandDriving) else "") + (RECORDING_KEYS if self.capture else "") + KEYS
+        )
         then = time.monotonic()
         with catch_interrupt() as interrupt:
             while not (self._quit or interrupt.asked or control.done):
@@ -204,8 +214,13 @@ class Window:
 
     def handle_keys(self) -> None:
         """Do what the keys pressed since the last call ask for."""
-        actions = {"r": self._record, "backspace": self.drive.put_back, "c": self._change_camera,
-                   "h": self._toggle_help, "escape": self._end}
+        actions = {
+            "r": self._record,
+            "backspace": self.episode.put_back,
+            "c": self._change_camera,
+            "h": self._toggle_help,
+            "escape": self._end,
+        }
         for key in self._inputs.poll():
             if key in actions:
                 actions[key]()
@@ -233,7 +248,7 @@ class Window:
         self._place_car(seconds)
         self._place_camera(seconds)
         rows, message = (self.capture.rows, self.capture.message) if self.capture else (None, "")
-        self._hud.show(self.drive.state, self.drive.laps, rows, message or self.note)
+        self._hud.show(self.episode.state, self.episode.laps, rows, message or self.note)
         self._engine.render_frame()
 
     def _resize(self) -> None:
@@ -245,14 +260,14 @@ class Window:
             self._hud.resize(aspect)
 
     def _place_car(self, seconds: float) -> None:
-        car, (steering, throttle) = self.drive.car, self.drive.command
+        car, (steering, throttle) = self.episode.car, self.episode.command
         self._travelled += car.speed * seconds
-        pitch = math.degrees(math.atan(self.drive.slope))
-        self._body.root.set_pos_hpr(car.x, car.y, self.scene.ground(self.drive), -math.degrees(car.heading), pitch, 0)
+        pitch = math.degrees(math.atan(self.episode.slope))
+        self._body.root.set_pos_hpr(car.x, car.y, self.scene.ground(self.episode), -math.degrees(car.heading), pitch, 0)
         self._body.show(steering, self._travelled, braking=throttle < 0 and car.speed > -MPH)
 
     def _place_camera(self, seconds: float) -> None:
-        car = self.drive.car
+        car = self.episode.car
         turn = (car.heading - self._heading + math.pi) % (2 * math.pi) - math.pi
         self._heading += turn * (1 - math.exp(-seconds / SWING_SECONDS))
         if self.behind:
@@ -262,7 +277,7 @@ class Window:
         self.scene.sky.set_pos(self._camera.get_pos())
 
     def _place_behind(self) -> None:
-        car, terrain = self.drive.car, self.scene.terrain
+        car, terrain = self.episode.car, self.scene.terrain
         x, y = car.x - BEHIND * math.sin(self._heading), car.y - BEHIND * math.cos(self._heading)
         ground = float(terrain.sample(terrain.heights, np.array([[x, y]]))[0])
         height = self._body.root.get_z()
@@ -333,6 +348,8 @@ def drive_by_hand(track: str, light: str | None, out: Path) -> None:
     """
     with Simulator(CAMERAS) as simulator:
         simulator.reset(track, light=light)
-        with (Capture(out, simulator.look) as capture,
-              Window(simulator.drive, simulator.renderer.scene, capture, title=track) as window):
-            window.run(HandDriving(simulator.drive, window.controls, capture.add))
+        with (
+            Capture(out, simulator.look) as capture,
+            Window(simulator.episode, simulator.renderer.scene, capture, title=track) as window,
+        ):
+            window.run(HandDriving(simulator.episode, window.controls, capture.add))

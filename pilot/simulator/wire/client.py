@@ -18,7 +18,7 @@ from pilot.data.frames import Frame, encode_frame
 from pilot.interrupt import catch_interrupt
 from pilot.simulator.car import TICK
 from pilot.simulator.clock import TickClock
-from pilot.simulator.drive import Drive, State
+from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.wire.connection import HOST, PORT, Link, build_event, parse_event
 
 log = logging.getLogger("pilot")
@@ -58,24 +58,26 @@ class Summary:
     reconnects: int
 
     def __str__(self) -> str:
-        return (f"{self.laps:.2f} laps in {self.seconds:.1f} s ({self.wall_seconds:.1f} s by the clock), "
-                f"{self.mean_speed:.1f} mph on average; {self.mean_offset:.2f} m beside the lane's middle on average, "
-                f"{self.largest_offset:.2f} m at most\n"
-                f"{self.departures} departures from the road, {self.put_backs} put-backs; {self.answers} answers, "
-                f"{self.lost} lost, {self.reconnects} reconnects")
+        return (
+            f"{self.laps:.2f} laps in {self.seconds:.1f} s ({self.wall_seconds:.1f} s by the clock), "
+            f"{self.mean_speed:.1f} mph on average; {self.mean_offset:.2f} m beside the lane's middle on average, "
+            f"{self.largest_offset:.2f} m at most\n"
+            f"{self.departures} departures from the road, {self.put_backs} put-backs; {self.answers} answers, "
+            f"{self.lost} lost, {self.reconnects} reconnects"
+        )
 
 
 class RoadWatch:
     """Sums up a drive, and notices when the car has left the road for good."""
 
-    def __init__(self, drive: Drive) -> None:
-        self.drive = drive
+    def __init__(self, episode: Episode) -> None:
+        self.episode = episode
         self.ticks, self.departures, self.put_backs = 0, 0, 0
-        self.ticks_off = 0 if drive.on_road else 1  # since the car left the road
+        self.ticks_off = 0 if episode.on_road else 1  # since the car left the road
         self.speeds = self.offsets = self.largest_offset = 0.0
-        self.start = drive.laps
+        self.start = episode.laps
 
-    def add(self, state: State) -> None:
+    def add(self, state: CarState) -> None:
         """One tick."""
         self.ticks += 1
         self.speeds += state.speed
@@ -87,12 +89,12 @@ class RoadWatch:
     @property
     def lost(self) -> bool:
         """Whether the car will hardly come back by itself."""
-        beyond = abs(self.drive.where.offset) - self.drive.where.half_width
+        beyond = abs(self.episode.where.offset) - self.episode.where.half_width
         return self.ticks_off * TICK > OFF_ROAD_SECONDS or beyond > OFF_ROAD_METRES
 
     def put_back(self) -> None:
         """Put the car onto the road."""
-        self.drive.put_back()
+        self.episode.put_back()
         self.put_backs, self.ticks_off = self.put_backs + 1, 0
 
 
@@ -109,10 +111,20 @@ class Client:
         answers, lost: as in Summary.
     """
 
-    def __init__(self, drive: Drive, picture: Callable[[Drive], Frame], *, port: int = PORT, host: str = HOST,
-                 realtime: bool = True, laps: float | None = None, seconds: float | None = None,
-                 put_back: bool = True, patience: float | None = None,
-                 on_tick: Callable[[State], None] | None = None) -> None:
+    def __init__(
+        self,
+        episode: Episode,
+        picture: Callable[[Episode], Frame],
+        *,
+        port: int = PORT,
+        host: str = HOST,
+        realtime: bool = True,
+        laps: float | None = None,
+        seconds: float | None = None,
+        put_back: bool = True,
+        patience: float | None = None,
+        on_tick: Callable[[CarState], None] | None = None,
+    ) -> None:
         """Prepare; the car stands still until the first answer.
 
         Args:
@@ -125,14 +137,14 @@ class Client:
             patience: s by the clock without an answer after which `run` gives up; None: never.
             on_tick: called with every state.
         """
-        self.drive, self.picture = drive, picture
+        self.episode, self.picture = episode, picture
         self.realtime, self.laps, self.seconds, self.patience = realtime, laps, seconds, patience
         self.put_back, self.on_tick = put_back, on_tick
         self.command = (0.0, 0.0)
         self.manual: tuple[float, float] | None = None
         self.answers = self.lost = 0
         self._link = Link(port, host, prompt=not realtime)
-        self._watch = RoadWatch(drive)
+        self._watch = RoadWatch(episode)
         self._owed = 0  # telemetries that were earned and not sent yet
         self._clock = TickClock()
         self._due = 0.0  # when the next telemetry may be sent
@@ -199,17 +211,28 @@ class Client:
     @property
     def done(self) -> bool:
         """Whether the laps or seconds are driven."""
-        laps, seconds = self.drive.laps - self._watch.start, self._watch.ticks * TICK
-        return ((self.laps is not None and laps >= self.laps)
-                or (self.seconds is not None and seconds >= self.seconds - TICK / 2))
+        laps, seconds = self.episode.laps - self._watch.start, self._watch.ticks * TICK
+        return (self.laps is not None and laps >= self.laps) or (
+            self.seconds is not None and seconds >= self.seconds - TICK / 2
+        )
 
     @property
     def summary(self) -> Summary:
         """The drive so far."""
         watch, ticks = self._watch, max(self._watch.ticks, 1)
-        return Summary(self.drive.laps - watch.start, watch.ticks * TICK, self._ended - self._began, watch.departures,
-                       watch.put_backs, watch.speeds / ticks, watch.offsets / ticks, watch.largest_offset,
-                       self.answers, self.lost, max(self._link.greetings - 1, 0))
+        return Summary(
+            self.episode.laps - watch.start,
+            watch.ticks * TICK,
+            self._ended - self._began,
+            watch.departures,
+            watch.put_backs,
+            watch.speeds / ticks,
+            watch.offsets / ticks,
+            watch.largest_offset,
+            self.answers,
+            self.lost,
+            max(self._link.greetings - 1, 0),
+        )
 
     def close(self) -> None:
         """Take leave of the server."""
@@ -219,7 +242,7 @@ class Client:
         for _ in range(ticks):
             if self.done:
                 break
-            state = self.drive.advance(*(self.manual or self.command))
+            state = self.episode.advance(*(self.manual or self.command))
             self._watch.add(state)
             if self.put_back and self._watch.lost:
                 self._watch.put_back()
@@ -260,8 +283,12 @@ class Client:
     def _lose_token(self, error: ValueError) -> None:
         self.lost += 1
         if self.lost == 1:
-            log.warning("the server's answer is lost, as the real simulator would lose it without a word: %s. "
-                        "%d such, and the car gets no command any more", error, TOKENS)
+            log.warning(
+                "the server's answer is lost, as the real simulator would lose it without a word: %s. "
+                "%d such, and the car gets no command any more",
+                error,
+                TOKENS,
+            )
 
     def _check_silence(self) -> None:
         if not self._silent and self._link.greeted and time.monotonic() - self._heard > SILENCE_SECONDS:
@@ -274,15 +301,19 @@ class Client:
             raise TimeoutError(f"no answer of a server for {self.patience:g} s")
 
     def _send_telemetry(self) -> None:
-        telemetry = None if self.manual is not None else build_telemetry(self.drive, self.picture(self.drive))
+        telemetry = None if self.manual is not None else build_telemetry(self.episode, self.picture(self.episode))
         self._link.send(build_event("telemetry", telemetry))
 
 
-def build_telemetry(drive: Drive, frame: Frame) -> dict[str, str]:
+def build_telemetry(episode: Episode, frame: Frame) -> dict[str, str]:
     """The argument of a telemetry event: all as strings, the steering in degrees, the speed in mph without a sign."""
-    state, full_lock = drive.state, math.degrees(FULL_LOCK)
-    return {"steering_angle": f"{full_lock * state.steering:z.4f}", "throttle": f"{max(state.throttle, 0.0):z.4f}",
-            "speed": f"{abs(state.speed):.4f}", "image": base64.b64encode(encode_frame(frame)).decode()}
+    state, full_lock = episode.state, math.degrees(FULL_LOCK)
+    return {
+        "steering_angle": f"{full_lock * state.steering:z.4f}",
+        "throttle": f"{max(state.throttle, 0.0):z.4f}",
+        "speed": f"{abs(state.speed):.4f}",
+        "image": base64.b64encode(encode_frame(frame)).decode(),
+    }
 
 
 def parse_steer(argument: Any) -> tuple[float, float]:

@@ -133,8 +133,10 @@ class Connection:
         """
         data = packet.encode()
         starts = range(0, max(len(data), 1), FRAGMENT)
-        frames = [build_frame(data[start : start + FRAGMENT], CONTINUATION if start else TEXT,
-                              final=start == starts[-1]) for start in starts]
+        frames = [
+            build_frame(data[start : start + FRAGMENT], CONTINUATION if start else TEXT, final=start == starts[-1])
+            for start in starts
+        ]
         for part in [b"".join(frames)] if self._prompt else frames:
             self.socket.sendall(part)
 
@@ -199,8 +201,10 @@ class Connection:
         head, self._data = self._data.split(b"\r\n\r\n", 1)
         status = head.splitlines()[0].decode(errors="replace")
         if not status.startswith("HTTP/1.1 101"):
-            raise ConnectionError(f"the server refuses the simulator ({status}): other versions of python-socketio "
-                                  "and python-engineio are needed (drive.py names them)")
+            raise ConnectionError(
+                f"the server refuses the simulator ({status}): other versions of python-socketio "
+                "and python-engineio are needed (drive.py names them)"
+            )
         self.opened, self._pinged = True, float("-inf")
         self._keep_alive()
         return True
@@ -303,8 +307,10 @@ class Link:
         elif error.errno is None:  # somebody is there, who does not want us: the message says more
             self._say(str(error))
         elif not self._said:
-            self._say(f"no server at {self._host}:{self._port} ({error.strerror}): waiting for one to start, "
-                      "such as python drive.py model.pt")
+            self._say(
+                f"no server at {self._host}:{self._port} ({error.strerror}): waiting for one to start, "
+                "such as python drive.py model.pt"
+            )
         if self.connection is not None:
             self.connection.socket.close()
         self.connection, self.greeted = None, False

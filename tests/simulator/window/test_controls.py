@@ -5,7 +5,7 @@ from conftest import circle
 
 from pilot.simulator.car import TICK
 from pilot.simulator.clock import LONGEST_FRAME
-from pilot.simulator.drive import Drive
+from pilot.simulator.episode import Episode
 from pilot.simulator.window.controls import MOUSE_SPAN, Controls, HandDriving, Pad
 
 
@@ -35,8 +35,10 @@ def test_wheels_come_to_rest_in_the_middle_exactly() -> None:
     assert steer(controls, 8)[-1] == 0.0
 
 
-@pytest.mark.parametrize(("keys", "throttle"), [({"arrow_up"}, 1), ({"w"}, 1), ({"s"}, -1), ({"arrow_down"}, -1),
-                                                ({"w", "s"}, 0), (set(), 0), ({"r"}, 0)])
+@pytest.mark.parametrize(
+    ("keys", "throttle"),
+    [({"arrow_up"}, 1), ({"w"}, 1), ({"s"}, -1), ({"arrow_down"}, -1), ({"w", "s"}, 0), (set(), 0), ({"r"}, 0)],
+)
 def test_throttle_by_keys(keys: set[str], throttle: float) -> None:
     controls = Controls()
     for key in keys:
@@ -74,20 +76,20 @@ def test_keys_go_before_the_stick() -> None:
 
 @pytest.mark.parametrize("frames", [7, 50, 144])
 def test_the_drive_is_the_same_at_any_frame_rate(frames: int) -> None:
-    drive, states = Drive(circle()), []
+    episode, states = Episode(circle()), []
     controls = Controls()
     controls.press("w")
-    driving = HandDriving(drive, controls, states.append)
+    driving = HandDriving(episode, controls, states.append)
     for _ in range(2 * frames):
         driving.advance(1 / frames)
-    assert drive.ticks == len(states) == 100
-    steady = Drive(circle())
+    assert episode.ticks == len(states) == 100
+    steady = Episode(circle())
     for _ in range(100):
         steady.advance(0, 1)
-    assert drive.state == steady.state == states[-1]
+    assert episode.state == steady.state == states[-1]
 
 
 def test_a_long_frame_does_not_send_the_car_off_unseen() -> None:
-    drive = Drive(circle())
-    HandDriving(drive, Controls()).advance(20.0)
-    assert drive.ticks == int(LONGEST_FRAME / TICK)
+    episode = Episode(circle())
+    HandDriving(episode, Controls()).advance(20.0)
+    assert episode.ticks == int(LONGEST_FRAME / TICK)

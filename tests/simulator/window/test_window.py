@@ -19,7 +19,7 @@ import pytest
 from conftest import REPOSITORY, circle
 
 from pilot.data.log_format import CAMERAS
-from pilot.simulator.drive import Drive
+from pilot.simulator.episode import Episode
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.window.hud import LapClock
 from pilot.simulator.window.window import Capture
@@ -49,7 +49,7 @@ class Control:
 window.PIPES = ("p3missing", *window.PIPES[1:])  # as where there is no OpenGL
 with Simulator() as simulator:
     simulator.reset("random:3")
-    drive, control = simulator.drive, Control()
+    drive, control = simulator.episode, Control()
     for control.ends in (True, False):
         control.done = False
         with window.Window(drive, simulator.renderer.scene, title="others") as opened:
@@ -80,8 +80,14 @@ class Screen:
 
     @contextmanager
     def run(self, script: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
-        with subprocess.Popen([sys.executable, "-c", script, *arguments], env=self.environment, cwd=REPOSITORY,
-                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        with subprocess.Popen(
+            [sys.executable, "-c", script, *arguments],
+            env=self.environment,
+            cwd=REPOSITORY,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as process:
             impatience = threading.Timer(PATIENCE, process.kill)
             impatience.start()
             try:
@@ -99,8 +105,23 @@ def screen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Screen]:
     folder = tmp_path_factory.mktemp("screen")
     # not :0, where Panda3D would look for a display if none is named
     number = next(number for number in range(90, 1000) if not Path(f"/tmp/.X{number}-lock").exists())
-    with subprocess.Popen(["Xvfb", f":{number}", "-displayfd", "1", "-screen", "0", f"{WIDTH}x{HEIGHT}x24", "-nolisten",
-                           "tcp", "-fbdir", str(folder)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as server:
+    with subprocess.Popen(
+        [
+            "Xvfb",
+            f":{number}",
+            "-displayfd",
+            "1",
+            "-screen",
+            "0",
+            f"{WIDTH}x{HEIGHT}x24",
+            "-nolisten",
+            "tcp",
+            "-fbdir",
+            str(folder),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    ) as server:
         try:
             assert server.stdout.readline().split() == [str(number).encode()]  # it is ready
             yield Screen(number, folder)
@@ -195,8 +216,14 @@ def test_without_a_display_the_cure_is_named(tmp_path: Path) -> None:
     if sys.platform in {"win32", "darwin"}:
         pytest.skip("there is always a display")
     environment = {**os.environ, "DISPLAY": ":4000"}  # with none named, Panda3D tries :0, which may exist
-    result = subprocess.run([sys.executable, "-c", BY_HAND, str(tmp_path / "none")], env=environment, cwd=REPOSITORY,
-                            capture_output=True, text=True, timeout=PATIENCE)
+    result = subprocess.run(
+        [sys.executable, "-c", BY_HAND, str(tmp_path / "none")],
+        env=environment,
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
     assert "RuntimeError: no window can be opened" in result.stderr
     assert "simulator.py drive --headless" in result.stderr
     assert not (tmp_path / "none").exists()
@@ -206,16 +233,16 @@ def test_without_a_display_the_cure_is_named(tmp_path: Path) -> None:
 
 
 def test_fifteen_rows_a_second_from_the_moment_of_starting(tmp_path: Path) -> None:
-    drive = Drive(circle())
+    episode = Episode(circle())
     capture = Capture(tmp_path / "mine", lambda: dict.fromkeys(CAMERAS, np.zeros((160, 320, 3), np.uint8)))
     with capture:
-        capture.add(drive.advance(0, 1))
+        capture.add(episode.advance(0, 1))
         assert not (tmp_path / "mine").exists()
         for _ in range(2):
             capture.toggle()
             assert capture.rows == 0
             for _ in range(100):
-                capture.add(drive.advance(0.25, 0.5))
+                capture.add(episode.advance(0.25, 0.5))
             assert capture.rows == 30
             capture.toggle()
             assert capture.rows is None
@@ -228,7 +255,7 @@ def test_a_folder_that_cannot_be_written_to_is_said(tmp_path: Path, caplog: pyte
     (tmp_path / "file").write_text("")
     with caplog.at_level(logging.INFO, "pilot"), Capture(tmp_path / "file" / "mine", dict) as capture:
         capture.toggle()
-        capture.add(Drive(circle()).state)
+        capture.add(Episode(circle()).state)
     assert capture.rows is None
     assert "cannot record" in capture.message
     assert capture.message in caplog.text
@@ -240,8 +267,8 @@ def test_a_full_disk_ends_the_recording_only(tmp_path: Path) -> None:
 
     with Capture(tmp_path, look) as capture:
         capture.toggle()
-        capture.add(Drive(circle()).state)
-        capture.add(Drive(circle()).state)
+        capture.add(Episode(circle()).state)
+        capture.add(Episode(circle()).state)
     assert capture.rows is None
     assert "No space left" in capture.message
 
@@ -251,7 +278,7 @@ def test_a_disk_that_is_full_at_the_end_is_said(tmp_path: Path) -> None:
     (tmp_path / "driving_log.csv").symlink_to("/dev/full")
     with Capture(tmp_path, lambda: dict.fromkeys(CAMERAS, np.zeros((160, 320, 3), np.uint8))) as capture:
         capture.toggle()
-        capture.add(Drive(circle()).state)
+        capture.add(Episode(circle()).state)
     assert capture.rows is None
     assert "No space left" in capture.message
 

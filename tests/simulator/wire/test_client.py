@@ -21,7 +21,7 @@ from conftest import RADIUS, REPOSITORY, circle, picture
 from wire import free_port
 
 from pilot.camera import curvature_to_steering
-from pilot.simulator.drive import Drive, State
+from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.wire.client import Client, build_telemetry, parse_steer
 from pilot.simulator.wire.connection import Connection, parse_event
 
@@ -130,9 +130,9 @@ def serving(answer: Answer, port: int = 0) -> Iterator[FakeServer]:
         server.stop()
 
 
-def client_of(server: FakeServer, drive: Drive | None = None, **options: object) -> Client:
+def client_of(server: FakeServer, episode: Episode | None = None, **options: object) -> Client:
     arguments = {"port": server.port, "realtime": False, "patience": 5.0, **options}
-    return Client(drive or Drive(circle()), lambda _drive: FRAME, **arguments)
+    return Client(episode or Episode(circle()), lambda _: FRAME, **arguments)
 
 
 def until(condition: Callable[[], object], client: Client, seconds: float = 5.0) -> None:
@@ -161,15 +161,15 @@ def test_says_what_the_real_one_says() -> None:
 
 
 def test_numbers_are_strings_in_the_wire_s_units() -> None:
-    drive = Drive(circle())
-    drive.place(0, speed=-4.0)
-    drive.advance(0.1, 0.2)
-    telemetry = build_telemetry(drive, FRAME)
+    episode = Episode(circle())
+    episode.place(0, speed=-4.0)
+    episode.advance(0.1, 0.2)
+    telemetry = build_telemetry(episode, FRAME)
     assert telemetry["steering_angle"] == "2.5000"
     assert telemetry["throttle"] == "0.2000"
-    assert telemetry["speed"] == f"{-drive.state.speed:.4f}"
-    drive.advance(-1e-9, -0.5)
-    telemetry = build_telemetry(drive, FRAME)
+    assert telemetry["speed"] == f"{-episode.state.speed:.4f}"
+    episode.advance(-1e-9, -0.5)
+    telemetry = build_telemetry(episode, FRAME)
     assert (telemetry["steering_angle"], telemetry["throttle"]) == ("0.0000", "0.0000")
     seen = cv2.imdecode(np.frombuffer(base64.b64decode(telemetry["image"]), np.uint8), cv2.IMREAD_COLOR_RGB)
     assert seen.shape == (160, 320, 3)
@@ -230,7 +230,7 @@ def test_a_refusal_is_told_once(monkeypatch: pytest.MonkeyPatch, caplog: pytest.
     monkeypatch.setattr("pilot.simulator.wire.connection.RETRY_SECONDS", 0.02)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         listener.settimeout(5)
-        client = Client(Drive(circle()), lambda _drive: FRAME, port=listener.getsockname()[1])
+        client = Client(Episode(circle()), lambda _: FRAME, port=listener.getsockname()[1])
         for _ in range(3):
             client.advance(0.01)
             with listener.accept()[0] as server:
@@ -279,8 +279,17 @@ def test_at_most_60_telemetries_a_second_in_real_time() -> None:
 
 @pytest.mark.parametrize(
     "bad",
-    [steer(0.1), steer("nan"), steer("[0.1]"), steer("0.1", None), steer(""), steer("1e999"), '42["steer"]',
-     '42["steer",[]]', '42["steer",'],
+    [
+        steer(0.1),
+        steer("nan"),
+        steer("[0.1]"),
+        steer("0.1", None),
+        steer(""),
+        steer("1e999"),
+        '42["steer"]',
+        '42["steer",[]]',
+        '42["steer",',
+    ],
 )
 def test_a_steer_that_is_no_string_loses_its_token(bad: str, caplog: pytest.LogCaptureFixture) -> None:
     answers = [steer("0.5"), bad, steer("0.6"), bad]
@@ -309,8 +318,8 @@ def test_a_silent_server_is_told_of(monkeypatch: pytest.MonkeyPatch, caplog: pyt
 # Driving
 
 
-def path(answer: Answer, **options: object) -> tuple[list[State], Client]:
-    states: list[State] = []
+def path(answer: Answer, **options: object) -> tuple[list[CarState], Client]:
+    states: list[CarState] = []
     with serving(answer) as server:
         client = client_of(server, on_tick=states.append, **options)
         client.run()
@@ -356,14 +365,14 @@ def test_time_begins_with_the_first_answer() -> None:
         client = client_of(server, realtime=True)
         until(lambda: len(server.telemetry) == 2, client)
         client.advance(0.3)
-        assert client.drive.ticks == 0
+        assert client.episode.ticks == 0
         server.send(steer("0"))
         until(lambda: client.answers, client)
-        before = client.drive.ticks
+        before = client.episode.ticks
         client.advance(0.1)
-        assert client.drive.ticks == before + 5
+        assert client.episode.ticks == before + 5
         client.advance(60.0)  # a window that hung
-        assert client.drive.ticks < before + 5 + 20
+        assert client.episode.ticks < before + 5 + 20
         client.close()
 
 
@@ -374,10 +383,10 @@ def test_somebody_at_the_keyboard_drives_instead() -> None:
         client.manual = (-0.5, 1.0)
         until(lambda: None in server.telemetry, client)
         client.advance(0.1)
-        assert (client.drive.state.steering, client.drive.state.throttle) == (-0.5, 1.0)
+        assert (client.episode.state.steering, client.episode.state.throttle) == (-0.5, 1.0)
         client.manual = None
         client.advance(0.1)
-        assert client.drive.state.steering == pytest.approx(EXPERT, abs=1e-6)
+        assert client.episode.state.steering == pytest.approx(EXPERT, abs=1e-6)
         client.close()
 
 
@@ -401,9 +410,9 @@ def test_off_the_road_it_is_put_back_after_two_seconds() -> None:
 
 
 def test_far_off_the_road_it_is_put_back_at_once() -> None:
-    drive = Drive(circle())
-    drive.place(0, heading_error=-math.pi / 2, speed=25)
-    states, client = path(straight, drive=drive, seconds=2)
+    episode = Episode(circle())
+    episode.place(0, heading_error=-math.pi / 2, speed=25)
+    states, client = path(straight, episode=episode, seconds=2)
     assert client.summary.put_backs == client.summary.departures == 1
     assert 11.5 < client.summary.largest_offset < 12.3
     assert states[-1].on_road
@@ -424,46 +433,50 @@ def test_keeps_its_last_command_and_connects_again(
     monkeypatch.setattr("pilot.simulator.wire.connection.RETRY_SECONDS", 0.1)
     caplog.set_level(logging.INFO, "pilot")
     port = free_port()
-    client = Client(Drive(circle()), lambda _drive: FRAME, port=port)
+    client = Client(Episode(circle()), lambda _: FRAME, port=port)
     for _ in range(30):  # more than one attempt
         client.advance(0.01)
         time.sleep(0.01)
-    assert client.drive.ticks == 0
+    assert client.episode.ticks == 0
     with serving(expert, port):
         until(lambda: client.answers > 5, client)
-    ticks, answers = client.drive.ticks, client.answers
+    ticks, answers = client.episode.ticks, client.answers
     for _ in range(30):
         client.advance(0.01)
         time.sleep(0.01)
     assert client.answers <= answers + 2
-    assert client.drive.ticks >= ticks + 13
-    assert client.drive.state.steering == pytest.approx(EXPERT, abs=1e-6)
+    assert client.episode.ticks >= ticks + 13
+    assert client.episode.state.steering == pytest.approx(EXPERT, abs=1e-6)
     with serving(lambda _: steer("0.01"), port) as server:
-        until(lambda: client.drive.state.steering == 0.01 and len(server.telemetry) >= 2, client)
+        until(lambda: client.episode.state.steering == 0.01 and len(server.telemetry) >= 2, client)
         client.close()
     assert client.summary.reconnects == 1
     assert [" ".join(record.message.split()[:3]) for record in caplog.records] == [
-        "no server at", "connected to the", "the server is", "connected to the"]
+        "no server at",
+        "connected to the",
+        "the server is",
+        "connected to the",
+    ]
 
 
 def test_as_fast_as_it_goes_time_stands_still_without_a_server() -> None:
     port = free_port()
-    client = Client(Drive(circle()), lambda _drive: FRAME, port=port, realtime=False)
+    client = Client(Episode(circle()), lambda _: FRAME, port=port, realtime=False)
     with serving(expert, port):
         while not client.step(1) or client.answers < 10:
             pass
     while client.step(0.1):
         pass
-    ticks = client.drive.ticks
+    ticks = client.episode.ticks
     for _ in range(3):
         client.step(0.1)
-    assert client.drive.ticks == ticks
+    assert client.episode.ticks == ticks
     with serving(expert, port):
         deadline = time.monotonic() + 5
         while not client.step(0.1):
             assert time.monotonic() < deadline
         client.close()
-    assert client.drive.ticks == ticks + 2
+    assert client.episode.ticks == ticks + 2
 
 
 def test_ctrl_c_takes_leave() -> None:
@@ -493,10 +506,11 @@ DriveServer(Autopilot(lambda frame: float(sys.argv[2]), SpeedConfig())).serve(li
 
 def test_drives_by_the_project_s_own_server() -> None:
     port = free_port()
-    process = subprocess.Popen([sys.executable, "-c", DRIVE_SERVER, str(port), str(EXPERT)], cwd=REPOSITORY,
-                               stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", DRIVE_SERVER, str(port), str(EXPERT)], cwd=REPOSITORY, stdout=subprocess.PIPE, text=True
+    )
     try:
-        summary = Client(Drive(circle()), lambda _drive: FRAME, port=port, realtime=False, seconds=4, patience=20).run()
+        summary = Client(Episode(circle()), lambda _: FRAME, port=port, realtime=False, seconds=4, patience=20).run()
         process.send_signal(signal.SIGINT)
         said, _ = process.communicate(timeout=10)
     finally:

@@ -9,7 +9,7 @@ from pilot.simulator.track import Place, Track
 
 
 @dataclass(frozen=True)
-class State:
+class CarState:
     """What is known about the car.
 
     Attributes:
@@ -36,7 +36,7 @@ class State:
     on_road: bool
 
 
-class Drive:
+class Episode:
     """Moves the car along a road by commands; deterministic.
 
     Attributes:
@@ -67,7 +67,7 @@ class Drive:
         """Put the car into the middle of its lane where it is, at the speed it has."""
         self.place(self.where.progress, speed=self.car.speed / MPH)
 
-    def advance(self, steering: float, throttle: float) -> State:
+    def advance(self, steering: float, throttle: float) -> CarState:
         """Drive 20 ms by a command, each -1..1."""
         before = self.where
         self.car.advance(steering, throttle, on_road=self.on_road, slope=self.slope)
@@ -84,12 +84,23 @@ class Drive:
         self.slope = (places[2].height + places[3].height - places[0].height - places[1].height) / 2 / WHEELBASE
 
     @property
-    def state(self) -> State:
+    def state(self) -> CarState:
         """What is known about the car now."""
         error = (self.car.heading - self.where.heading + math.pi) % (2 * math.pi) - math.pi
         steering, throttle = self.command
-        return State(self.ticks * TICK, self.car.x, self.car.y, self.car.heading, self.car.speed / MPH, steering,
-                     throttle, self.progress, self.where.offset - self.track.lane, error, self.on_road)
+        return CarState(
+            self.ticks * TICK,
+            self.car.x,
+            self.car.y,
+            self.car.heading,
+            self.car.speed / MPH,
+            steering,
+            throttle,
+            self.progress,
+            self.where.offset - self.track.lane,
+            error,
+            self.on_road,
+        )
 
     @property
     def laps(self) -> float:
