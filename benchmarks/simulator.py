@@ -28,7 +28,7 @@ Figures = dict[str, float]
 
 def measure(track: str) -> Figures:
     """All figures of a track."""
-    from pilot.data.log_format import CAMERAS
+    from pilot.vehicle import CAMERAS
 
     began = time.perf_counter()
     scene, one = rendering(track, ("center",))

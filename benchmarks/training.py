@@ -36,13 +36,14 @@ from benchmarks.classic_pipelines import data_loader_rate, keras_rate
 from pilot.data.batches import Batch
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frame_cache import FrameCache
-from pilot.data.log_format import CAMERAS, LOG_NAME
+from pilot.data.log_format import LOG_NAME
 from pilot.data.samples import make_samples
 from pilot.model.networks import NETWORKS, build_network
 from pilot.training.devices import keep_memory
 from pilot.training.recipes import RECIPES
 from pilot.training.session import make_cache
 from pilot.training.trainer import Training
+from pilot.vehicle import CAMERAS
 
 WARM_UP = 4  # steps that are not counted
 WAYS = ("roofline", "pure", "pipeline", "first", "keras", "loader")

@@ -14,10 +14,10 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from pilot.camera import CAMERA_OFFSETS
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import Frame, read_frame
 from pilot.evaluation.replay_view import warp
+from pilot.vehicle import CAMERA_OFFSETS
 
 ROAD = np.s_[75:132, 60:260]  # where a flat ground shows, and no border is continued
 LOOKED_AT = 100  # moments of a recording

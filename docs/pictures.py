@@ -27,8 +27,8 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
 from pilot.data.frames import Frame
-from pilot.data.log_format import CAMERAS
 from pilot.simulator.simulator import Simulator
+from pilot.vehicle import CAMERAS
 
 PORT = "4588"
 SHEET = {

@@ -2,7 +2,7 @@
 
 Car axes: x right, z forward, metres; headings in radians, positive to the right. The road is taken
 as flat, so a picture of it from one pose maps onto that from another by a homography.
-Figures: measured on the simulator's client and fitted on real recordings (docs: README, "The car").
+The figures of the car and its cameras stand in vehicle.py.
 """
 
 import functools
@@ -12,30 +12,21 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pilot.vehicle import (
+    CAMERA_AHEAD_OF_REAR_AXLE,
+    CAMERA_HEIGHT,
+    COLUMNS,
+    FOCAL_LENGTH,
+    PITCH,
+    ROLL,
+    ROWS,
+    YAW,
+    steering_to_curvature,
+)
+
 Floats = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 Number = TypeVar("Number", float, Floats)
-
-ROWS, COLUMNS = 160, 320  # size of a frame
-FOCAL_LENGTH = 138.6  # pixels: 60 degrees of vertical field of view
-HEIGHT = 1.3  # metres above the road
-PITCH, ROLL, YAW = math.radians(8.5), math.radians(-1.2), math.radians(1.2)  # pitch: downwards
-AHEAD_OF_REAR_AXLE = 2.6  # metres, camera from rear axle
-SIDE_CAMERA_OFFSET = 0.82  # metres, left and right camera from the middle one
-CAMERA_OFFSETS = {"center": 0.0, "left": -SIDE_CAMERA_OFFSET, "right": SIDE_CAMERA_OFFSET}  # to the right
-
-WHEELBASE = 2.87  # metres
-FULL_LOCK = math.radians(25.0)  # steering of 1
-
-
-def steering_to_curvature(steering: Number) -> Number:
-    """Curvature of the car's path (1/m, positive to the right) for a steering of -1..1."""
-    return np.tan(steering * FULL_LOCK) / WHEELBASE  # type: ignore[no-any-return]
-
-
-def curvature_to_steering(curvature: Number) -> Number:
-    """Steering (-1..1, beyond where the car cannot turn so tightly) for a path's curvature in 1/m."""
-    return np.arctan(curvature * WHEELBASE) / FULL_LOCK  # type: ignore[no-any-return]
 
 
 def matrices(*entries: float | Floats) -> Matrix:
@@ -48,7 +39,7 @@ def matrices(*entries: float | Floats) -> Matrix:
 def ground_to_pixel() -> Matrix:
     """Homography (3x3) from road coordinates (x right, z forward of the camera, 1) to pixels (u, v, 1)."""
     intrinsics = np.array([[FOCAL_LENGTH, 0, COLUMNS / 2], [0, FOCAL_LENGTH, ROWS / 2], [0, 0, 1]])
-    road_in_camera = np.array([[1, 0, 0], [0, 0, HEIGHT], [0, 1, 0]])  # camera axes: y points down
+    road_in_camera = np.array([[1, 0, 0], [0, 0, CAMERA_HEIGHT], [0, 1, 0]])  # camera axes: y points down
     return np.asarray(intrinsics @ camera_rotation() @ road_in_camera)
 
 
@@ -68,7 +59,7 @@ def viewpoint_homography(offset: float | Floats, heading: float | Floats) -> Mat
 @functools.cache
 def _axle_to_pixel() -> tuple[Matrix, Matrix]:
     """Homography from road coordinates at the rear axle to pixels, and back."""
-    from_axle = ground_to_pixel() @ matrices(1, 0, 0, 0, 1, -AHEAD_OF_REAR_AXLE, 0, 0, 1)
+    from_axle = ground_to_pixel() @ matrices(1, 0, 0, 0, 1, -CAMERA_AHEAD_OF_REAR_AXLE, 0, 0, 1)
     return from_axle, np.asarray(np.linalg.inv(from_axle), float)
 
 
@@ -81,11 +72,11 @@ def path_pixels(steering: float, length: float = 25.0, lateral: float = 0.0) -> 
         lateral: metres to the right of the middle of the car, for the path of a wheel.
     """
     curvature = steering_to_curvature(steering)
-    distance = np.linspace(AHEAD_OF_REAR_AXLE + 2.0, length, 40)
+    distance = np.linspace(CAMERA_AHEAD_OF_REAR_AXLE + 2.0, length, 40)
     angle = distance * curvature
     turn = np.sinc(angle / np.pi) * distance  # sin(angle) / curvature, also for a curvature of 0
     aside = np.sinc(angle / 2 / np.pi) * np.sin(angle / 2) * distance  # (1 - cos(angle)) / curvature
-    ground = np.stack([aside + lateral * np.cos(angle), turn - lateral * np.sin(angle) - AHEAD_OF_REAR_AXLE])
+    ground = np.stack([aside + lateral * np.cos(angle), turn - lateral * np.sin(angle) - CAMERA_AHEAD_OF_REAR_AXLE])
     pixels = ground_to_pixel() @ np.vstack([ground, np.ones_like(distance)])
     ahead = pixels[2] > 0.5
     return np.asarray((pixels[:2, ahead] / pixels[2, ahead]).T)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from pilot import camera
+from pilot import camera, vehicle
 
 
 def pixel(x: float, z: float) -> np.ndarray:
@@ -39,8 +39,8 @@ def test_moving_there_and_back_changes_nothing() -> None:
 
 @pytest.mark.parametrize("steering", [-1.0, -0.2, 0.0, 0.5, 1.0])
 def test_steering_and_curvature_are_each_others_inverse(steering: float) -> None:
-    assert camera.curvature_to_steering(camera.steering_to_curvature(steering)) == pytest.approx(steering)
-    assert np.sign(camera.steering_to_curvature(steering)) == np.sign(steering)
+    assert vehicle.curvature_to_steering(vehicle.steering_to_curvature(steering)) == pytest.approx(steering)
+    assert np.sign(vehicle.steering_to_curvature(steering)) == np.sign(steering)
 
 
 def test_the_path_bends_where_the_steering_points() -> None:

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilot import camera
-from pilot.camera import COLUMNS, ROWS, Floats, Matrix
+from pilot.camera import Floats, Matrix
 from pilot.data.frames import Frame
+from pilot.vehicle import COLUMNS, ROWS, curvature_to_steering, steering_to_curvature
 
 # Seed 004's crops in the mean: its networks look at these rows (40 % cut off above, 12.5 % below).
 CROP_TOP, CROP_BOTTOM = 64, 140
@@ -117,9 +118,9 @@ def shift_viewpoint(view: View, offset: float | Floats, heading: float | Floats,
         heading: radians to the right of the path's direction.
         lookahead: metres.
     """
-    curvature = camera.steering_to_curvature(np.asarray(view.steering))
+    curvature = steering_to_curvature(np.asarray(view.steering))
     back = curvature - 2 * (offset + lookahead * heading) / lookahead**2
-    return view.moved(camera.viewpoint_homography(offset, heading), camera.curvature_to_steering(back))
+    return view.moved(camera.viewpoint_homography(offset, heading), curvature_to_steering(back))
 
 
 def render(frame: Frame, homography: Matrix, rows: tuple[int, int], first_row: int = 0) -> Frame:

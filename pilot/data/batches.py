@@ -17,11 +17,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pilot.camera import COLUMNS, ROWS, Floats, Matrix
+from pilot.camera import Floats, Matrix
 from pilot.data.augment import AugmentConfig, View, flip, in_light, random_lights, random_views, render, rotate
 from pilot.data.device_augment import Draws
 from pilot.data.frame_cache import FrameCache
 from pilot.data.frames import Frame, UnreadableImage
+from pilot.vehicle import COLUMNS, ROWS
 
 
 @dataclass(frozen=True)

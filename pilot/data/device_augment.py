@@ -11,8 +11,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from pilot.camera import COLUMNS, ROWS, Floats, Matrix
+from pilot.camera import Floats, Matrix
 from pilot.data.augment import from_rows
+from pilot.vehicle import COLUMNS, ROWS
 
 
 @dataclass(frozen=True)

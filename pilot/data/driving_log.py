@@ -13,7 +13,8 @@ from pathlib import Path
 import pandas as pd
 
 from pilot.data.frame_cache import FrameCache, Progress
-from pilot.data.log_format import CAMERAS, LOG_NAME, NUMBERS, LogLine, parse_log, time_of
+from pilot.data.log_format import LOG_NAME, NUMBERS, LogLine, parse_log, time_of
+from pilot.vehicle import CAMERAS
 
 SECONDS_A_ROW = 0.1  # where the names of the pictures carry no time
 

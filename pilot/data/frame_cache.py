@@ -20,9 +20,9 @@ from typing import IO
 import numpy as np
 from platformdirs import user_cache_path
 
-from pilot.camera import COLUMNS, ROWS
 from pilot.data.frames import Frame, UnreadableImage, read_frame
 from pilot.files import move_when_done
+from pilot.vehicle import COLUMNS, ROWS
 
 Progress = Callable[[Iterable[str], int], Iterable[str]]
 AT_ONCE = 256  # pictures decoded ahead of being written

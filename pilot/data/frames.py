@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pilot.camera import COLUMNS, ROWS
+from pilot.vehicle import COLUMNS, ROWS
 
 Frame = NDArray[np.uint8]
 

@@ -13,13 +13,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 
+from pilot.vehicle import CAMERAS, PLAUSIBLE_SPEED_MPH
+
 LOG_NAME = "driving_log.csv"
-CAMERAS = ("center", "left", "right")
 NUMBERS = ("steering", "throttle", "brake", "speed")
 STEERING_NAMES = {"steering_angle": "steering", "angle": "steering", "steer": "steering"}
 
 # Plausible values, by which a decimal comma is told from a separator.
-RANGES = {"steering": (-1.0, 1.0), "throttle": (0.0, 1.0), "brake": (0.0, 1.0), "speed": (0.0, 200.0)}
+RANGES = {"steering": (-1.0, 1.0), "throttle": (0.0, 1.0), "brake": (0.0, 1.0), "speed": (0.0, PLAUSIBLE_SPEED_MPH)}
 # How much each value may change from row to row before it counts as a jump.
 SCALES = {"steering": 1.0, "throttle": 1.0, "brake": 1.0, "speed": 3.0}
 

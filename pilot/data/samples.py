@@ -15,7 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from pilot.data.driving_log import part_of_each
-from pilot.data.log_format import CAMERAS
+from pilot.vehicle import CAMERAS
 
 Floats = NDArray[np.float64]
 Generator = np.random.Generator

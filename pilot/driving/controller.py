@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-TOP_SPEED = 30.0  # mph: the car's own limit
-REVERSES_BELOW = 5.0  # mph: a negative throttle brakes above this, and drives backwards below
+from pilot.vehicle import REVERSE_BELOW_MPH, TOP_SPEED_MPH
+
 BRAKES_FROM = 6.0  # mph: with a margin for telemetry that is a moment old
 LONGEST_STEP = 0.5  # s: after a longer pause the integral does not make up for it
 
@@ -30,8 +30,8 @@ class SpeedConfig:
         Raises:
             ValueError: names the option, its value and what it may be.
         """
-        if not 0 <= self.speed <= TOP_SPEED:
-            raise ValueError(f"--speed {self.speed:g}: must lie in 0..{TOP_SPEED:g} mph")
+        if not 0 <= self.speed <= TOP_SPEED_MPH:
+            raise ValueError(f"--speed {self.speed:g}: must lie in 0..{TOP_SPEED_MPH:g} mph")
         if not 0 <= self.slow_in_curves <= 1:
             raise ValueError(f"--slow-in-curves {self.slow_in_curves:g}: must lie in 0..1")
         if min(self.smoothing, self.kp, self.ki) < 0:
@@ -53,7 +53,7 @@ class SpeedController:
     def wanted_speed(self, steering: float) -> float:
         """The speed in mph to drive at with this steering (-1..1)."""
         slower = self.config.slow_in_curves * min(abs(steering), 1.0)
-        return max(self.set_speed * (1 - slower), min(self.set_speed, REVERSES_BELOW))
+        return max(self.set_speed * (1 - slower), min(self.set_speed, REVERSE_BELOW_MPH))
 
     def throttle(self, speed: float, steering: float, seconds: float) -> float:
         """Throttle -1..1 for a speed in mph, `seconds` after the last call.

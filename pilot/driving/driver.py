@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pilot.camera import COLUMNS, ROWS
 from pilot.data.frames import Frame
 from pilot.model.checkpoint import Model, load_model
 from pilot.model.networks import fold_dense
+from pilot.vehicle import COLUMNS, ROWS
 
 Steer = Callable[[Frame], float]  # a 160x320x3 uint8 RGB frame to steering, -1..1
 

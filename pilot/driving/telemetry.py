@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from pilot.data.frames import Frame, decode_frame
-
-TOP_SPEED = 200.0  # mph; the car's own is 30: what is above this is no speed
+from pilot.vehicle import FULL_LOCK_DEGREES, PLAUSIBLE_SPEED_MPH
 
 
 class BadTelemetry(ValueError):
@@ -52,13 +51,13 @@ def parse_telemetry(data: Any) -> Telemetry:
     if not isinstance(data, dict):
         raise BadTelemetry(f"telemetry is a {type(data).__name__}, not an object")
     speed = _number(data, "speed")
-    if not 0 <= speed <= TOP_SPEED:
+    if not 0 <= speed <= PLAUSIBLE_SPEED_MPH:
         raise BadTelemetry(f"speed {speed:g} mph is absurd")
     jpeg = _jpeg(data)
     frame = decode_frame(np.frombuffer(jpeg, np.uint8))
     if frame is None:
         raise BadTelemetry("its picture is damaged")
-    steering, throttle = _number(data, "steering_angle", "0") / 25, _number(data, "throttle", "0")
+    steering, throttle = _number(data, "steering_angle", "0") / FULL_LOCK_DEGREES, _number(data, "throttle", "0")
     return Telemetry(frame, jpeg, speed, steering, throttle, uses_commas(data))
 
 

@@ -20,11 +20,11 @@ from pilot.driving.driver import Driver, Steer
 from pilot.driving.recorder import Recorder
 from pilot.evaluation.plan import Setup
 from pilot.evaluation.scores import Intervention, Reason, Trajectory
-from pilot.simulator.car import MPH, TICK
 from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.expert import Expert
 from pilot.simulator.simulator import TICKS, Simulator
 from pilot.simulator.wire.client import build_telemetry, parse_steer
+from pilot.vehicle import MPH, TICK
 from pilot.video.clip import Overlays, make_clip
 
 PATIENCE_SECONDS, PATIENCE_METRES = 10.0, 1.0  # a car that gets on by less in this time is put back

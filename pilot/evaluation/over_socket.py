@@ -13,9 +13,9 @@ from pathlib import Path
 
 from pilot.evaluation.closed_loop import ModelDriver, Referee, Task, film, simulator_at
 from pilot.evaluation.scores import Trajectory
-from pilot.simulator.car import TICK
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.wire.client import TICKS_PER_ANSWER, Client
+from pilot.vehicle import TICK
 
 DRIVE_PY = Path(__file__).parents[2] / "drive.py"
 PATIENCE_SECONDS = 30.0  # by the clock, without an answer

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from pilot.evaluation.scores import Array, Scores, Trajectory
-from pilot.simulator.track import HALF_TRACK, Track
+from pilot.simulator.track import Track
+from pilot.vehicle import HALF_TRACK
 
 matplotlib.use("Agg")  # files only: works without a display
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 import tyro
 
 from pilot.driving.controller import SpeedConfig
+from pilot.vehicle import TICK
 
-TICK_MS = 20  # the simulator's clock
+TICK_MS = round(1000 * TICK)
 RANDOM_RANGE = re.compile(r"random:(\d+)-(\d+)( reversed)?")
 MOST_TRACKS = 1000  # in a range: more is a slip of the finger
 

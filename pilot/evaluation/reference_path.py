@@ -17,7 +17,8 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from pilot.data.samples import LONGEST_GAP
-from pilot.simulator.car import MPH, path_curvature
+from pilot.simulator.car import path_curvature
+from pilot.vehicle import MPH
 
 Array = NDArray[np.float64]
 

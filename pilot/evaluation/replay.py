@@ -18,7 +18,6 @@ import numpy as np
 import pandas as pd
 
 from pilot.data.frames import Frame
-from pilot.data.log_format import CAMERAS
 from pilot.driving.driver import Steer
 from pilot.evaluation.reference_path import (
     Array,
@@ -32,8 +31,8 @@ from pilot.evaluation.reference_path import (
 from pilot.evaluation.replay_road import PATH_SPREAD, find_road
 from pilot.evaluation.replay_view import view
 from pilot.evaluation.scores import Intervention, Trajectory
-from pilot.simulator.car import MPH, path_curvature
-from pilot.simulator.track import HALF_TRACK
+from pilot.simulator.car import path_curvature
+from pilot.vehicle import CAMERAS, HALF_TRACK, MPH
 
 Reference = Literal["road", "path"]
 

@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilot import camera
-from pilot.camera import AHEAD_OF_REAR_AXLE, COLUMNS
 from pilot.data.frames import Frame, read_frame
 from pilot.evaluation.reference_path import Array, Line, Motion, fit_line
+from pilot.vehicle import BONNET_ROW, CAMERA_AHEAD_OF_REAR_AXLE, COLUMNS
 
 CELL = 0.1  # metres
 ACROSS = np.arange(-90, 91) * CELL  # metres right of the line
 AHEAD = np.arange(3.0, 8.01, 0.5)  # metres from the camera: nearer lies the bonnet, farther hills matter
-BONNET = 133  # row at which it begins
 PLACES = np.arange(-40, 41) * CELL  # metres right of the line, where the middle is looked for
 HALF_WIDTHS = np.arange(30, 61) * CELL  # metres; less would find the lanes of a road
 REACH = 4  # cells on each side of an edge that are compared
@@ -80,12 +79,12 @@ def _robust_fit(motion: Motion, seen: Array) -> Line:
 def _stripes(frame: Frame, offset: float, heading: float, curvature: float) -> Array:
     """Mean colours (n x 3) along the line at `ACROSS`; NaN where the camera does not see the road."""
     ahead = AHEAD[:, None]
-    axle = ahead + AHEAD_OF_REAR_AXLE
+    axle = ahead + CAMERA_AHEAD_OF_REAR_AXLE
     right = ACROSS - offset - heading * axle + curvature * axle**2 / 2
     ground = np.stack([right.ravel(), np.broadcast_to(ahead, right.shape).ravel(), np.ones(right.size)])
     u, v, w = camera.ground_to_pixel() @ ground
     columns, rows = ((values / w).reshape(right.shape).astype(np.float32) for values in (u, v))
-    seen = ((columns >= 0) & (columns <= COLUMNS - 1) & (rows < BONNET))[..., None]
+    seen = ((columns >= 0) & (columns <= COLUMNS - 1) & (rows < BONNET_ROW))[..., None]
     colours = cv2.remap(frame, columns, rows, cv2.INTER_LINEAR) * seen
     count = seen.sum(0)
     return np.where(count >= 2, colours.sum(0, dtype=float) / np.maximum(count, 1), np.nan)

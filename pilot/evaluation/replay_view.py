@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilot import camera
-from pilot.camera import CAMERA_OFFSETS, COLUMNS, ROWS, Matrix
+from pilot.camera import Matrix
 from pilot.data.frames import Frame, read_frame
-
-BONNET = 136  # first row in which it is seen; networks do not look at it
+from pilot.vehicle import BONNET_ROW, CAMERA_HEIGHT, CAMERA_OFFSETS, COLUMNS, ROWS
 
 
 def view(pictures: Mapping[str, str], offset: float, heading: float) -> Frame:
@@ -34,7 +33,7 @@ def view(pictures: Mapping[str, str], offset: float, heading: float) -> Frame:
     nearest = min(beside, key=lambda name: abs(beside[name]))
     seen = warp(read_frame(pictures[nearest]), beside[nearest], heading)
     if nearest != "center":
-        seen[BONNET:] = read_frame(pictures["center"])[BONNET:]
+        seen[BONNET_ROW:] = read_frame(pictures["center"])[BONNET_ROW:]
     return seen
 
 
@@ -43,7 +42,7 @@ def warp(frame: Frame, offset: float, heading: float) -> Frame:
     seen = _project(frame, camera.viewpoint_homography(offset, heading))
     sky = above_horizon()
     seen[sky] = _project(frame, _turn(heading))[sky]
-    seen[BONNET:] = frame[BONNET:]
+    seen[BONNET_ROW:] = frame[BONNET_ROW:]
     return seen
 
 
@@ -57,7 +56,7 @@ def _turn(heading: float) -> Matrix:
     """Homography (3x3) of a camera that turns about itself: that of everything far away."""
     cosine, sine = np.cos(heading), np.sin(heading)
     turned = np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])  # x right, y down, z forward
-    directions = np.array([[1, 0, 0], [0, 0, 1], [0, 1 / camera.HEIGHT, 0]])  # to the points of the ground they hit
+    directions = np.array([[1, 0, 0], [0, 0, 1], [0, 1 / CAMERA_HEIGHT, 0]])  # to the points of the ground they hit
     to_pixel = camera.ground_to_pixel() @ directions
     return np.asarray(to_pixel @ turned @ np.linalg.inv(to_pixel))
 

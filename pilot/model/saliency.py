@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from pilot.camera import COLUMNS, ROWS
 from pilot.data.frames import Frame
 from pilot.model.networks import SteeringNetwork
+from pilot.vehicle import COLUMNS, ROWS
 
 SPATIAL = (nn.Conv2d, nn.MaxPool2d, nn.AvgPool2d)
 

@@ -7,12 +7,9 @@ car's position is that of its rear axle, on the ground.
 import math
 from dataclasses import dataclass
 
-from pilot.camera import WHEELBASE, steering_to_curvature
-from pilot.simulator.track import HALF_TRACK
+from pilot.vehicle import HALF_TRACK, MPH, REVERSE_BELOW_MPH, TICK, TOP_SPEED_MPH, WHEELBASE, steering_to_curvature
 
-TICK = 0.02  # s; the real simulator's physics run at 50 Hz
-MPH = 0.44704  # m/s
-TOP_SPEED = 30 * MPH  # a hard cap
+TOP_SPEED = TOP_SPEED_MPH * MPH
 MASS = 1080.0  # kg: body and wheels
 FULL_DRIVE = 2000 / 0.35 / MASS  # m/s²: 2000 N·m in all on wheels of 0.35 m
 FULL_REVERSE = 500 / 0.35 / MASS
@@ -21,7 +18,7 @@ DRAG = 0.1  # 1/s, share of the speed that is lost
 GRAVITY = 9.81
 GRIP = {True: 0.95, False: 0.5}  # tyre force over weight, on the road and off it
 OFF_ROAD_DRAG = 0.6  # 1/s, on top
-REVERSE_BELOW = 5 * MPH  # a negative throttle brakes above and reverses below
+REVERSE_BELOW = REVERSE_BELOW_MPH * MPH
 
 
 def path_curvature(steering: float, speed: float, *, on_road: bool = True) -> float:

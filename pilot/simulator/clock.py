@@ -1,6 +1,6 @@
 """Real time in whole ticks of the physics."""
 
-from pilot.simulator.car import TICK
+from pilot.vehicle import TICK
 
 LONGEST_FRAME = 1 / 3  # s that a slow frame moves the car on at most, as in Unity
 

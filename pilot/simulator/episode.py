@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from pilot.camera import WHEELBASE
-from pilot.simulator.car import MPH, TICK, Car
+from pilot.simulator.car import Car
 from pilot.simulator.track import Place, Track
+from pilot.vehicle import MPH, TICK, WHEELBASE
 
 
 @dataclass(frozen=True)

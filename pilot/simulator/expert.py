@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilot.camera import curvature_to_steering
-from pilot.simulator.car import GRAVITY, MPH, TICK
+from pilot.simulator.car import GRAVITY
 from pilot.simulator.episode import Episode
+from pilot.vehicle import MPH, TICK, curvature_to_steering
 
 LOOKAHEAD = 10.0  # metres from the rear axle to the point steered for; training labels shifted viewpoints likewise
 SIDEWAYS = 0.45 * GRAVITY  # m/s², that a bend is taken with at most

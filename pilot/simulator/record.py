@@ -5,11 +5,12 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from pilot.data.log_format import CAMERAS, LOG_NAME
+from pilot.data.log_format import LOG_NAME
 from pilot.simulator.catalogue import NAMED
 from pilot.simulator.recording import Demonstration, RecordingWriter, demonstrate
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.track import REVERSED
+from pilot.vehicle import CAMERAS
 from pilot.workers import run_jobs
 
 Progress = Callable[[float], None]

@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from pilot.data.frames import Frame, encode_frame
-from pilot.data.log_format import CAMERAS, LOG_NAME
-from pilot.simulator.car import MPH, TICK
+from pilot.data.log_format import LOG_NAME
 from pilot.simulator.episode import Episode
 from pilot.simulator.expert import Expert
-from pilot.simulator.track import HALF_TRACK
+from pilot.vehicle import CAMERAS, HALF_TRACK, MPH, TICK, TOP_SPEED_MPH
 
 REAL_RATE = 15.0  # rows a second that the real simulator records
 LONGEST_RECOVERY = 2.5  # s
@@ -104,7 +103,7 @@ class Demonstration:
             ("laps", 0, 1000),
             ("recoveries", 0, 10000),
             ("rate", 0.1, 1 / TICK),
-            ("speed", 1, 30),
+            ("speed", 1, TOP_SPEED_MPH),
             ("wander", 0, 3),
         ):
             if not least <= getattr(self, name) <= most:

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial import KDTree
 
+from pilot.vehicle import HALF_TRACK
+
 Array = NDArray[np.float64]
 
 REVERSED = " reversed"  # behind the name of a road that is driven the other way
 STEP = 0.5  # metres between the points that a road is kept as
-HALF_TRACK = 1.0  # metres from the middle of the car to its wheels
 TIGHTEST = 12.0  # metres, radius of a bend; the car's own least is 6.2
 
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from pilot.camera import COLUMNS, ROWS, path_pixels
+from pilot.camera import path_pixels
 from pilot.data.augment import (
     AugmentConfig,
     View,
@@ -24,9 +24,9 @@ from pilot.data.augment import (
     shift_viewpoint,
 )
 from pilot.data.frames import Frame, read_frame
-from pilot.data.log_format import CAMERAS
 from pilot.data.samples import SampleConfig, side_steering
 from pilot.files import write_atomically
+from pilot.vehicle import CAMERAS, COLUMNS, ROWS
 
 matplotlib.use("Agg")  # files only: works without a display
 

@@ -7,19 +7,19 @@ import cv2
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from pilot.camera import COLUMNS, FULL_LOCK, path_pixels
+from pilot.camera import path_pixels
 from pilot.data.frames import Frame
+from pilot.vehicle import COLUMNS, FULL_LOCK, HALF_TRACK
 
 WHITE, AMBER, DARK = (255, 255, 255), (255, 170, 40), (30, 30, 30)
 WHEEL_TURN = 4  # the drawn wheel turns this much more than the car's wheels: else nothing is seen
-WHEEL_TRACK = 2.0  # metres between the tracks of the wheels
 SUBPIXEL = 4  # bits, for smooth lines
 
 
 def draw_path(frame: Frame, steering: float) -> None:
     """Draw where the wheels go with this steering (-1..1), into the frame (RGB, 2:1, any size)."""
     scale = frame.shape[1] / COLUMNS
-    sides = [path_pixels(steering, lateral=side * WHEEL_TRACK / 2) * scale for side in (-1, 1)]
+    sides = [path_pixels(steering, lateral=side * HALF_TRACK) * scale for side in (-1, 1)]
     area = np.vstack([sides[0], sides[1][::-1]]).astype(np.int32)
     shade = frame.copy()
     cv2.fillPoly(shade, [area], (70, 220, 120), cv2.LINE_AA)

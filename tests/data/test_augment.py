@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from conftest import picture
 
-from pilot import camera
+from pilot import vehicle
 from pilot.data import augment
 from pilot.data.augment import AugmentConfig, View
 from pilot.training.recipes import RECIPES
@@ -61,14 +61,14 @@ def test_a_turned_viewpoint_steers_back_to_the_path(heading: float) -> None:
 def test_the_recovery_label_reaches_the_path_at_the_lookahead() -> None:
     offset, heading, lookahead = 0.6, 0.03, 12.0
     view = augment.shift_viewpoint(View(0.2), offset, heading, lookahead)
-    before, after = camera.steering_to_curvature(0.2), camera.steering_to_curvature(view.steering)
+    before, after = vehicle.steering_to_curvature(0.2), vehicle.steering_to_curvature(view.steering)
     assert offset + heading * lookahead + (after - before) * lookahead**2 / 2 == pytest.approx(0)
 
 
 @pytest.mark.parametrize("recipe", ["default", "built-in"])
 def test_a_shift_by_a_side_camera_means_the_side_cameras_correction(recipe: str) -> None:
     config = RECIPES[recipe]
-    view = augment.shift_viewpoint(View(0), -camera.SIDE_CAMERA_OFFSET, 0, config.augment.viewpoint_lookahead)
+    view = augment.shift_viewpoint(View(0), -vehicle.SIDE_CAMERA_OFFSET, 0, config.augment.viewpoint_lookahead)
     assert view.steering == pytest.approx(config.samples.side_correction, abs=0.005)
 
 

@@ -9,11 +9,9 @@ import pandas as pd
 import pytest
 
 from pilot import camera
-from pilot.camera import SIDE_CAMERA_OFFSET, curvature_to_steering
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import Frame, encode_frame, read_frame
-from pilot.data.log_format import CAMERAS
-from pilot.evaluation.reference_path import Motion, UnusableRecording, drives, fit_line
+from pilot.evaluation.reference_path import Motion, UnusableRecording, continuous_segments, fit_line
 from pilot.evaluation.replay import (
     LIMITS,
     SPARE,
@@ -27,10 +25,10 @@ from pilot.evaluation.replay import (
     replay,
 )
 from pilot.evaluation.replay_road import find_road
-from pilot.evaluation.replay_view import BONNET, view, warp
+from pilot.evaluation.replay_view import BONNET_ROW, view, warp
 from pilot.simulator.recording import Demonstration, RecordingWriter, demonstrate
 from pilot.simulator.simulator import Simulator
-from pilot.simulator.track import HALF_TRACK
+from pilot.vehicle import CAMERAS, HALF_TRACK, SIDE_CAMERA_OFFSET, curvature_to_steering
 
 ROAD = np.s_[75:132, 60:260]
 PLAN = Demonstration(laps=0.18, rate=10, wander=0.5)
@@ -93,19 +91,19 @@ def test_a_pause_another_recording_and_a_leap_of_the_speed_end_a_drive() -> None
     rows.loc[100:, "time"] += 5.0
     rows.loc[170:, "recording"] = 1
     rows.loc[230:, "speed"] = 10.0
-    assert [len(drive) for drive in drives(rows)] == [100, 70, 60, 70]
+    assert [len(drive) for drive in continuous_segments(rows)] == [100, 70, 60, 70]
 
 
 def test_what_is_too_short_is_left_out() -> None:
     rows = log(100)
     rows.loc[70:, "time"] += 5.0
-    assert [len(drive) for drive in drives(rows)] == [70]
+    assert [len(drive) for drive in continuous_segments(rows)] == [70]
 
 
 @pytest.mark.parametrize(("rows", "message"), [(log(rate=2.0), "2.0 rows a second"), (log(speed=math.nan), "no speed")])
 def test_a_recording_that_cannot_be_replayed_says_why(rows: pd.DataFrame, message: str) -> None:
     with pytest.raises(UnusableRecording, match=message):
-        list(drives(rows))
+        list(continuous_segments(rows))
 
 
 def test_a_recording_of_short_drives_only_is_refused() -> None:
@@ -182,7 +180,7 @@ def test_the_centre_picture_moved_to_a_side_camera_is_that_cameras_picture(
         errors.append((difference(centre, aside), difference(warp(centre, offset, 0.0), aside)))
         seen = view({name: row[name] for name in CAMERAS}, offset, 0.0)
         assert difference(seen, aside) < 1.0  # the nearer camera's own picture
-        np.testing.assert_array_equal(seen[BONNET:], centre[BONNET:])
+        np.testing.assert_array_equal(seen[BONNET_ROW:], centre[BONNET_ROW:])
     unwarped, warped = np.mean(errors, axis=0)
     assert warped < 0.55 * unwarped
 

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from pilot.camera import WHEELBASE
-from pilot.simulator.car import MPH, TICK, TOP_SPEED, Car
+from pilot.simulator.car import TOP_SPEED, Car
+from pilot.vehicle import MPH, TICK, WHEELBASE
 
 
 def driven(seconds: float, steering: float = 0.0, throttle: float = 1.0, car: Car | None = None, **where: bool) -> Car:

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from pilot.simulator.car import TICK
 from pilot.simulator.catalogue import NAMED, load_course
 from pilot.simulator.episode import Episode
 from pilot.simulator.expert import Expert
+from pilot.vehicle import TICK
 
 
 def lap(name: str, *, backwards: bool, wander: float = 0.0, laps: int = 1) -> tuple[Episode, np.ndarray]:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from conftest import straightest
 
-from pilot.camera import SIDE_CAMERA_OFFSET, ground_to_pixel, viewpoint_homography
-from pilot.data.log_format import CAMERAS
+from pilot.camera import ground_to_pixel, viewpoint_homography
 from pilot.simulator.course import LIGHTS
 from pilot.simulator.simulator import Simulator
+from pilot.vehicle import CAMERAS, SIDE_CAMERA_OFFSET
 
 ABOVE_BONNET = slice(0, 134)
 

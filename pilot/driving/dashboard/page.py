@@ -12,10 +12,10 @@ from eventlet import tpool
 from flask import Flask, Response, request
 
 from pilot.data.frames import Frame
-from pilot.driving.controller import TOP_SPEED
 from pilot.driving.dashboard.state import DriveState
 from pilot.model.checkpoint import Model
 from pilot.model.saliency import overlay, saliency
+from pilot.vehicle import TOP_SPEED_MPH
 
 EVENT_SECONDS = 0.1  # ten pictures a second are enough to watch, and leave the car its time
 
@@ -37,8 +37,8 @@ def create_page(state: DriveState, model: Model) -> Flask:
     @app.post("/speed")
     def speed() -> tuple[dict[str, Any], int]:
         wanted = (request.get_json(silent=True) or {}).get("mph") if request.is_json else None
-        if not isinstance(wanted, int | float) or not 0 <= wanted <= TOP_SPEED:
-            return {"error": f"send JSON with mph, a number in 0..{TOP_SPEED:g}"}, 400
+        if not isinstance(wanted, int | float) or not 0 <= wanted <= TOP_SPEED_MPH:
+            return {"error": f"send JSON with mph, a number in 0..{TOP_SPEED_MPH:g}"}, 400
         state.autopilot.speed.set_speed = float(wanted)
         return {"set_speed": float(wanted)}, 200
 

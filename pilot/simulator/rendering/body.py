@@ -8,12 +8,12 @@ import math
 import numpy as np
 from panda3d.core import GeomNode, NodePath, TransparencyAttrib
 
-from pilot.camera import FULL_LOCK, WHEELBASE
 from pilot.simulator.course import Colour, Light
 from pilot.simulator.rendering.bonnet import PAINT
 from pilot.simulator.rendering.mesh import Mesh
 from pilot.simulator.rendering.scene import to_geom
-from pilot.simulator.track import HALF_TRACK, Array
+from pilot.simulator.track import Array
+from pilot.vehicle import FULL_LOCK, HALF_TRACK, WHEELBASE
 
 RADIUS, WIDTH, SPOKES = 0.35, 0.24, 5  # of a wheel, metres
 SIDES = 4 * SPOKES  # that a wheel is drawn with

@@ -6,11 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pilot.camera import COLUMNS
 from pilot.data.frames import Frame
 from pilot.simulator.course import Light
+from pilot.vehicle import BONNET_ROW, COLUMNS
 
-TOP = 134  # first row of a frame that it may cover
 FINE = 4  # drawn this many times as large, for smooth borders
 Points = list[tuple[float, float]]
 
@@ -45,7 +44,7 @@ PAINT, EDGE, GLASS, LAMP = (196, 168, 128), (150, 128, 98), (196, 204, 200), (25
 def add_bonnet(frame: Frame, camera: str, light: Light) -> Frame:
     """Draw the bonnet into a camera's frame (160x320x3 uint8 RGB, changed in place)."""
     colour, alpha = _picture(camera, light)
-    below = frame[TOP:]
+    below = frame[BONNET_ROW:]
     below[:] = (below * (1 - alpha) + colour).astype(np.uint8)
     return frame
 
@@ -53,12 +52,12 @@ def add_bonnet(frame: Frame, camera: str, light: Light) -> Frame:
 @functools.cache
 def _picture(camera: str, light: Light) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The bonnet's colours, multiplied with how much it covers, and that."""
-    canvas = np.zeros(((160 - TOP) * FINE, COLUMNS * FINE, 4), np.float32)
+    canvas = np.zeros(((160 - BONNET_ROW) * FINE, COLUMNS * FINE, 4), np.float32)
     if camera == "center":
         _draw_middle(canvas)
     else:
         _draw_side(canvas)
-    small = cv2.resize(canvas, (COLUMNS, 160 - TOP), interpolation=cv2.INTER_AREA)
+    small = cv2.resize(canvas, (COLUMNS, 160 - BONNET_ROW), interpolation=cv2.INTER_AREA)
     small = small[:, ::-1] if camera == "right" else small
     shine = np.array(light.sun, np.float32) * 0.8 + np.array(light.ambient, np.float32)
     return np.ascontiguousarray(small[:, :, :3] * shine), np.ascontiguousarray(small[:, :, 3:] / 255)
@@ -68,7 +67,7 @@ def _draw_middle(canvas: NDArray[np.float32]) -> None:
     _fill(canvas, MIDDLE, EDGE)
     _fill(canvas, [(column, row + 2.5) for column, row in MIDDLE], PAINT)
     for grow, colour in ((2.0, EDGE), (0.0, GLASS)):
-        centre = (int(154 * FINE), int((162 - TOP) * FINE))
+        centre = (int(154 * FINE), int((162 - BONNET_ROW) * FINE))
         cv2.ellipse(canvas, centre, (int((62 + grow) * FINE), int((10 + grow) * FINE)), 0, 180, 360, (*colour, 255), -1)
 
 
@@ -79,5 +78,5 @@ def _draw_side(canvas: NDArray[np.float32]) -> None:
 
 
 def _fill(canvas: NDArray[np.float32], points: Points, colour: tuple[int, int, int]) -> None:
-    outline = np.array([(column * FINE, (row - TOP) * FINE) for column, row in points])
+    outline = np.array([(column * FINE, (row - BONNET_ROW) * FINE) for column, row in points])
     cv2.fillPoly(canvas, [outline.astype(np.int32)], (*colour, 255))

@@ -19,20 +19,12 @@ from panda3d.core import (
     load_prc_file_data,
 )
 
-from pilot.camera import (
-    AHEAD_OF_REAR_AXLE,
-    CAMERA_OFFSETS,
-    COLUMNS,
-    FOCAL_LENGTH,
-    HEIGHT,
-    ROWS,
-    Matrix,
-    camera_rotation,
-)
+from pilot.camera import Matrix, camera_rotation
 from pilot.data.frames import Frame
 from pilot.simulator.episode import Episode
 from pilot.simulator.rendering.bonnet import add_bonnet
 from pilot.simulator.rendering.scene import Scene
+from pilot.vehicle import CAMERA_AHEAD_OF_REAR_AXLE, CAMERA_HEIGHT, CAMERA_OFFSETS, COLUMNS, FOCAL_LENGTH, ROWS
 
 NEAR, FAR = 0.4, 1200.0
 
@@ -97,7 +89,7 @@ class Renderer:
         for name, node in zip(self.cameras, self._nodes, strict=True):
             pose = camera_pose(x, y, z, heading, slope, offset=CAMERA_OFFSETS[name])
             node.set_mat(LMatrix4f(*pose.ravel()))
-        self.scene.sky.set_pos(x, y, z + HEIGHT)
+        self.scene.sky.set_pos(x, y, z + CAMERA_HEIGHT)
         self._engine.render_frame()
         image = np.frombuffer(memoryview(self._picture.get_ram_image_as("RGB")), np.uint8)
         strip = image.reshape(ROWS, COLUMNS * len(self.cameras), 3)[::-1]
@@ -126,5 +118,5 @@ def camera_pose(x: float, y: float, z: float, heading: float, slope: float, *, o
     axes = camera_rotation() @ np.stack([right, -up, forward])  # right, down and forward of the tilted camera
     pose = np.eye(4)
     pose[0, :3], pose[1, :3], pose[2, :3] = axes[0], axes[2], -axes[1]
-    pose[3, :3] = np.array([x, y, z]) + AHEAD_OF_REAR_AXLE * forward + HEIGHT * up + offset * right
+    pose[3, :3] = np.array([x, y, z]) + CAMERA_AHEAD_OF_REAR_AXLE * forward + CAMERA_HEIGHT * up + offset * right
     return pose

@@ -23,11 +23,8 @@ from panda3d.core import (
     WindowProperties,
 )
 
-from pilot.camera import AHEAD_OF_REAR_AXLE, FOCAL_LENGTH, HEIGHT, PITCH, ROWS
 from pilot.data.frames import Frame
-from pilot.data.log_format import CAMERAS
 from pilot.interrupt import catch_interrupt
-from pilot.simulator.car import MPH, TICK
 from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.recording import REAL_RATE, RecordingWriter, is_due
 from pilot.simulator.rendering.body import Body
@@ -37,6 +34,7 @@ from pilot.simulator.simulator import Simulator
 from pilot.simulator.window.controls import Controls, HandDriving
 from pilot.simulator.window.hud import Hud
 from pilot.simulator.window.inputs import Inputs
+from pilot.vehicle import CAMERA_AHEAD_OF_REAR_AXLE, CAMERA_HEIGHT, CAMERAS, FOCAL_LENGTH, MPH, PITCH, ROWS, TICK
 
 log = logging.getLogger("pilot")
 
@@ -273,7 +271,9 @@ class Window:
         if self.behind:
             self._place_behind()
         else:  # where the centre camera is, but level
-            self._camera.set_pos_hpr(self._body.root, 0, AHEAD_OF_REAR_AXLE, HEIGHT, 0, -math.degrees(PITCH), 0)
+            self._camera.set_pos_hpr(
+                self._body.root, 0, CAMERA_AHEAD_OF_REAR_AXLE, CAMERA_HEIGHT, 0, -math.degrees(PITCH), 0
+            )
         self.scene.sky.set_pos(self._camera.get_pos())
 
     def _place_behind(self) -> None:

@@ -13,13 +13,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from pilot.camera import FULL_LOCK
 from pilot.data.frames import Frame, encode_frame
 from pilot.interrupt import catch_interrupt
-from pilot.simulator.car import TICK
 from pilot.simulator.clock import TickClock
 from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.wire.connection import HOST, PORT, Link, build_event, parse_event
+from pilot.vehicle import FULL_LOCK, TICK
 
 log = logging.getLogger("pilot")
 

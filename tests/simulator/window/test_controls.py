@@ -3,10 +3,10 @@
 import pytest
 from conftest import circle
 
-from pilot.simulator.car import TICK
 from pilot.simulator.clock import LONGEST_FRAME
 from pilot.simulator.episode import Episode
 from pilot.simulator.window.controls import MOUSE_SPAN, Controls, HandDriving, Pad
+from pilot.vehicle import TICK
 
 
 def steer(controls: Controls, ticks: int) -> list[float]:

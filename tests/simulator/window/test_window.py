@@ -18,11 +18,11 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY, circle
 
-from pilot.data.log_format import CAMERAS
 from pilot.simulator.episode import Episode
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.window.hud import LapClock
 from pilot.simulator.window.window import Capture
+from pilot.vehicle import CAMERAS
 
 WIDTH, HEIGHT = 960, 540
 PATIENCE = 30.0  # s

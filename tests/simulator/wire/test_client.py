@@ -20,10 +20,10 @@ import pytest
 from conftest import RADIUS, REPOSITORY, circle, picture
 from wire import free_port
 
-from pilot.camera import curvature_to_steering
 from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.wire.client import Client, build_telemetry, parse_steer
 from pilot.simulator.wire.connection import Connection, parse_event
+from pilot.vehicle import curvature_to_steering
 
 EXPERT = curvature_to_steering(1 / RADIUS)
 FRAME = picture(0.2)
