@@ -11,7 +11,7 @@ import tyro
 from tqdm import tqdm
 
 from pilot.data.log_format import LOG_NAME
-from pilot.training.recipes import RECIPES, TrainingConfig, config_from_plain
+from pilot.training.recipes import RECIPES, TrainingConfig, config_from_jsonable
 
 BUILT_IN = "built_in"  # folder in data/ for the built-in simulator's recordings
 MAY_CHANGE = {"resume", "epochs", "patience", "min_delta", "tensorboard", "device", "cache_gb"}  # in a resumed training
@@ -45,9 +45,9 @@ def run(config: TrainingConfig) -> None:
 
     choose_device(config.device)  # refuse a wrong one before minutes of reading
     with join_processes() as processes:
-        if processes.leads and not config.data:
+        if processes.is_main and not config.data:
             record_if_empty(*config.folders)
-        processes.wait()
+        processes.barrier()
         train(config, processes)
 
 
@@ -100,14 +100,14 @@ def parse_options(arguments: Sequence[str]) -> TrainingConfig:
 
 
 def _resumed_options(arguments: Sequence[str], out: Path) -> TrainingConfig:
-    from pilot.model.checkpoint import load_plain
+    from pilot.model.checkpoint import load_values
     from pilot.training.session import STATE
 
-    state = load_plain(
+    state = load_values(
         dataclasses.replace(TrainingConfig(), out=out).report / STATE,
         "there is no interrupted training to resume; start one without --resume",
     )
-    saved = config_from_plain(state["config"])
+    saved = config_from_jsonable(state["config"])
     config = tyro.cli(TrainingConfig, prog="model.py", args=arguments, default=dataclasses.replace(saved, data=()))
     config = dataclasses.replace(config, data=config.data or saved.data)
     for field in dataclasses.fields(config):

@@ -69,7 +69,7 @@ def measure(config: TrainingConfig, rows: pd.DataFrame) -> dict[str, float]:
     run, began = Training(config, training, validation), time.monotonic()
     run.run(lambda _: None, lambda batches, count, title: tqdm(batches, title, count, leave=False))
     seconds = time.monotonic() - began
-    run.take(run.best)
+    run.load_weights_of(run.best)
     result = report.measure(run)
     smoothed = {f"smooth_{name}": value for name, value in asdict(result.smoothed).items() if name != "count"}
     return {

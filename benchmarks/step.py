@@ -80,10 +80,10 @@ def stages(training: Training) -> dict[str, float]:
         ]
 
     warped = warp()
-    part = next(loader.epoch(0)).parts[0]()
-    crop = part.frames[:, slice(*network.rows)].permute(0, 3, 1, 2)
+    micro_batch = next(loader.epoch(0)).micro_batches[0]()
+    crop = micro_batch.frames[:, slice(*network.rows)].permute(0, 3, 1, 2)
     pixels = network.prepare(crop)
-    loss = network(part.frames).square().mean()
+    loss = network(micro_batch.frames).square().mean()
     loss.backward(retain_graph=True)
     times = {
         "decode the JPEG (the first time only)": seconds(lambda: [uncached.read(path) for path in paths]),

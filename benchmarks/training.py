@@ -85,8 +85,8 @@ def measure(way: str, options: argparse.Namespace) -> float:
         return rate(samples["image"].tolist(), samples["steering"].tolist(), options.batch_size, options.steps)
     training = prepare(options, cached=way != "first")
     if way == "pure":
-        parts = [part() for part in next(training.loader.epoch(0)).parts]
-        in_memory = Batch(options.batch_size, [lambda part=part: part for part in parts])  # type: ignore[misc]
+        made = [make() for make in next(training.loader.epoch(0)).micro_batches]
+        in_memory = Batch(options.batch_size, [functools.partial(lambda each: each, each) for each in made])
         return rate_of(training, itertools.repeat(in_memory), options.steps)
     return rate_of(training, endless(training), options.steps)
 

@@ -26,7 +26,7 @@ from pilot.vehicle import COLUMNS, ROWS
 
 
 @dataclass(frozen=True)
-class Part:
+class MicroBatch:
     """Samples to work on.
 
     Attributes:
@@ -55,11 +55,11 @@ class Batch:
     """
 
     size: int
-    parts: Sequence[Callable[[], Part]]
+    micro_batches: Sequence[Callable[[], MicroBatch]]
 
 
 class BatchLoader:
-    """Batches of a set of samples, for one of `world` processes (its share of every batch)."""
+    """Batches of a set of samples, for one of `world_size` processes (its share of every batch)."""
 
     def __init__(
         self,
@@ -71,8 +71,8 @@ class BatchLoader:
         cache: FrameCache | None = None,
         seed: int = 0,
         rank: int = 0,
-        world: int = 1,
-        parts: int = 1,
+        world_size: int = 1,
+        micro_batches: int = 1,
         for_gpu: bool = False,
     ) -> None:
         """Prepare for `samples`; without `augment` frames come as recorded, in the samples' order.
@@ -90,7 +90,7 @@ class BatchLoader:
         self.flip = samples["flip"].to_numpy(bool)
         self.rotation = samples["rotation"].to_numpy(float)
         self.rows, self.batch_size, self.augment, self.seed = rows, batch_size, augment, seed
-        self.rank, self.world, self.parts, self.for_gpu = rank, world, parts, for_gpu
+        self.rank, self.world_size, self.micro_batches, self.for_gpu = rank, world_size, micro_batches, for_gpu
         self.cache = cache or FrameCache()
         self.unreadable: set[str] = set()
 
@@ -118,11 +118,11 @@ class BatchLoader:
         return _Drawn(np.asarray(view.steering), view.homography, lights)
 
     def _batch(self, index: NDArray[np.int64], drawn: "_Drawn") -> Batch:
-        parts = np.array_split(index[self.rank :: self.world], self.parts)
+        micro_batches = np.array_split(index[self.rank :: self.world_size], self.micro_batches)
         load = self._load_for_gpu if self.for_gpu else self._load
-        return Batch(len(index), [functools.partial(load, part, drawn) for part in parts])
+        return Batch(len(index), [functools.partial(load, micro_batch, drawn) for micro_batch in micro_batches])
 
-    def _load(self, index: NDArray[np.int64], drawn: "_Drawn") -> Part:
+    def _load(self, index: NDArray[np.int64], drawn: "_Drawn") -> MicroBatch:
         """Read samples, and augment them."""
         top, bottom = self.rows
         frames = np.empty((len(index), ROWS, COLUMNS, 3), np.uint8)  # pages of rows not filled are never touched
@@ -131,17 +131,17 @@ class BatchLoader:
             pixels = render(kept, drawn.homographies[sample], self.rows, self.cache.rows[0])
             frames[len(readable), top:bottom] = in_light(pixels, drawn.lights[sample])
             readable.append(sample)
-        return self._part(torch.from_numpy(frames[: len(readable)]), readable, drawn)
+        return self._micro_batch(torch.from_numpy(frames[: len(readable)]), readable, drawn)
 
-    def _load_for_gpu(self, index: NDArray[np.int64], drawn: "_Drawn") -> Part:
+    def _load_for_gpu(self, index: NDArray[np.int64], drawn: "_Drawn") -> MicroBatch:
         """Read samples for the device to augment."""
         first, last = self.cache.rows
         read = list(self._read(index))
         frames = torch.from_numpy(np.array([kept for _, kept in read]).reshape(-1, last - first, COLUMNS, 3))
-        part = self._part(frames, [sample for sample, _ in read], drawn)
-        draws = Draws.of(drawn.homographies[part.index], drawn.lights[part.index], first, self.rows[0])
+        micro_batch = self._micro_batch(frames, [sample for sample, _ in read], drawn)
+        draws = Draws.of(drawn.homographies[micro_batch.index], drawn.lights[micro_batch.index], first, self.rows[0])
         pinned = frames.pin_memory() if torch.cuda.is_available() else frames  # copied while the GPU computes
-        return replace(part, frames=pinned, draws=draws)
+        return replace(micro_batch, frames=pinned, draws=draws)
 
     def _read(self, index: NDArray[np.int64]) -> Iterator[tuple[int, Frame]]:
         """The samples that can be read, and what is kept of their frames."""
@@ -151,10 +151,10 @@ class BatchLoader:
             except UnreadableImage:
                 self.unreadable.add(self.images[sample])
 
-    def _part(self, frames: Tensor, readable: list[int], drawn: "_Drawn") -> Part:
+    def _micro_batch(self, frames: Tensor, readable: list[int], drawn: "_Drawn") -> MicroBatch:
         index = np.array(readable, np.int64)
         steering, weight = torch.from_numpy(drawn.steering[index]).float(), torch.from_numpy(self.weight[index])
-        return Part(frames, steering, weight, index)
+        return MicroBatch(frames, steering, weight, index)
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ def read_ahead(batches: Iterator[Batch]) -> Iterator[Batch]:
         ahead: deque[Batch] = deque()
         try:
             for batch in batches:
-                futures = [threads.submit(part) for part in batch.parts]
+                futures = [threads.submit(micro_batch) for micro_batch in batch.micro_batches]
                 ahead.append(Batch(batch.size, [future.result for future in futures]))
                 if len(ahead) > cores:
                     yield ahead.popleft()

@@ -179,7 +179,7 @@ class Scores:
         """Share of drives (0..1) without an intervention, with a confidence of 95 %."""
         return wilson(self.clean, self.drives)
 
-    def plain(self) -> dict[str, Any]:
+    def to_jsonable(self) -> dict[str, Any]:
         """As JSON knows it, with what follows from the fields."""
         derived = {
             "autonomy": self.autonomy,
@@ -189,8 +189,8 @@ class Scores:
         return dataclasses.asdict(self) | derived
 
     @classmethod
-    def from_plain(cls, values: dict[str, Any]) -> "Scores":
-        """The scores that `plain` made values of."""
+    def from_jsonable(cls, values: dict[str, Any]) -> "Scores":
+        """The scores that `to_jsonable` made values of."""
         return cls(**{field.name: values[field.name] for field in dataclasses.fields(cls)})
 
 

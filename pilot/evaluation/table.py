@@ -85,16 +85,16 @@ def write_json(path: Path, evaluations: Sequence[Evaluation], setup: dict[str, A
     Raises:
         OSError: the folder cannot be written to.
     """
-    content = {"setup": setup, "evaluations": [_plain(evaluation) for evaluation in evaluations]}
+    content = {"setup": setup, "evaluations": [_to_jsonable(evaluation) for evaluation in evaluations]}
     text = json.dumps(content, indent=2, allow_nan=False, default=str)
     write_atomically(path, lambda file: file.write(text.encode()))
 
 
-def _plain(evaluation: Evaluation) -> dict[str, Any]:
+def _to_jsonable(evaluation: Evaluation) -> dict[str, Any]:
     return {
         "model": evaluation.model,
-        "rows": [scores.plain() for scores in evaluation.rows],
-        "total": evaluation.total.plain(),
+        "rows": [scores.to_jsonable() for scores in evaluation.rows],
+        "total": evaluation.total.to_jsonable(),
     }
 
 
@@ -106,9 +106,11 @@ def read_json(path: Path) -> list[Evaluation]:
         ValueError: it holds something else.
     """
     try:
-        return [
-            Evaluation(item["model"], tuple(map(Scores.from_plain, item["rows"])), Scores.from_plain(item["total"]))
-            for item in json.loads(path.read_text())["evaluations"]
-        ]
+        return [_from_jsonable(item) for item in json.loads(path.read_text())["evaluations"]]
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path}: holds no evaluations") from error
+
+
+def _from_jsonable(item: dict[str, Any]) -> Evaluation:
+    rows = tuple(map(Scores.from_jsonable, item["rows"]))
+    return Evaluation(item["model"], rows, Scores.from_jsonable(item["total"]))

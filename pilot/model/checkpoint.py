@@ -50,9 +50,9 @@ def save_model(path: Path, model: Model) -> None:
         "version": VERSION,
         "network": model.name,
         "weights": {key: value.detach().cpu().contiguous() for key, value in model.network.state_dict().items()},
-        "config": plain(model.config),
-        "data": plain(model.data),
-        "metrics": plain(model.metrics),
+        "config": to_jsonable(model.config),
+        "data": to_jsonable(model.data),
+        "metrics": to_jsonable(model.metrics),
     }
     write_atomically(path, lambda file: torch.save(content, file))
 
@@ -63,7 +63,7 @@ def load_model(path: Path) -> Model:
     Raises:
         UnusableModel: the file is missing, damaged, or no model of this program.
     """
-    content = load_plain(path, "train one with: python model.py")
+    content = load_values(path, "train one with: python model.py")
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise UnusableModel(f"{path}: holds no model of this program. Train one with: python model.py")
     if content["version"] > VERSION or content["network"] not in NETWORKS:
@@ -76,7 +76,7 @@ def load_model(path: Path) -> Model:
     return Model(content["network"], network.eval(), content["config"], content["data"], content["metrics"])
 
 
-def load_plain(path: Path, cure: str) -> Any:
+def load_values(path: Path, cure: str) -> Any:
     """Read a file of tensors and plain values.
 
     Raises:
@@ -92,10 +92,10 @@ def load_plain(path: Path, cure: str) -> Any:
         raise UnusableModel(f"{path}: damaged, or not written by this program; {cure}") from error
 
 
-def plain(value: Any) -> Any:
+def to_jsonable(value: Any) -> Any:
     """A value with dataclasses, paths and tuples turned into what JSON knows."""
-    return json.loads(json.dumps(value, default=_plainer))
+    return json.loads(json.dumps(value, default=_jsonable))
 
 
-def _plainer(value: Any) -> Any:
+def _jsonable(value: Any) -> Any:
     return dataclasses.asdict(value) if dataclasses.is_dataclass(value) and not isinstance(value, type) else str(value)

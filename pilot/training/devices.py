@@ -11,7 +11,7 @@ import torch
 from torch import nn
 
 CORES = torch.get_num_threads()  # before anything changes it; OMP_NUM_THREADS limits it
-SMALLEST_PART = 16  # pictures; with fewer, what each call of a layer costs beside its arithmetic begins to count
+SMALLEST_MICRO_BATCH = 16  # pictures; with fewer, what each call of a layer costs beside its arithmetic begins to count
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -52,13 +52,13 @@ def keep_memory() -> None:
             libc.mallopt(-8, 1)  # M_ARENA_MAX
 
 
-def parts_of_a_batch(network: nn.Module, device: torch.device, size: int) -> int:
+def micro_batches_of(network: nn.Module, device: torch.device, size: int) -> int:
     """Into how many parts a batch of this size is best divided, for as many threads.
 
     One for a GPU, and for networks that normalise over the whole batch.
     """
     whole = device.type != "cpu" or any(isinstance(layer, nn.BatchNorm2d) for layer in network.modules())
-    return 1 if whole else max(min(CORES, size // SMALLEST_PART), 1)
+    return 1 if whole else max(min(CORES, size // SMALLEST_MICRO_BATCH), 1)
 
 
 class Cores:
@@ -68,12 +68,12 @@ class Cores:
     step: for the slowest, if another program has one of the cores. These meet once in a step.
     """
 
-    def __init__(self, parts: int) -> None:
-        """Prepare for batches of `parts` parts."""
-        share = max(CORES // parts, 1)
+    def __init__(self, micro_batches: int) -> None:
+        """Prepare for batches of `micro_batches` parts."""
+        share = max(CORES // micro_batches, 1)
         # the calling thread's operations, too: OpenMP's helpers keep a core busy for a while after each of them
         torch.set_num_threads(share)
-        self._threads = ThreadPoolExecutor(parts, initializer=torch.set_num_threads, initargs=(share,))
+        self._threads = ThreadPoolExecutor(micro_batches, initializer=torch.set_num_threads, initargs=(share,))
 
     def start(self, work: Callable[[Job], Result], jobs: Iterable[Job]) -> list[Future[Result]]:
         """Have jobs done side by side, after those that were started before."""

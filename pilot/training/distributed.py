@@ -15,23 +15,23 @@ class Processes:
     """This process's number and how many there are; one process alone is rank 0 of 1."""
 
     rank: int = 0
-    world: int = 1
+    world_size: int = 1
     local_rank: int = 0
 
     @property
-    def leads(self) -> bool:
+    def is_main(self) -> bool:
         """Whether this is the process that prints and writes."""
         return self.rank == 0
 
     def sum(self, values: Tensor) -> Tensor:
         """The sum of a tensor over all processes, in place."""
-        if self.world > 1:
+        if self.world_size > 1:
             group.all_reduce(values)
         return values
 
     def sum_gradients(self, parameters: Sequence[nn.Parameter]) -> None:
         """Add up the parameters' gradients over all processes, in one message."""
-        if self.world > 1:
+        if self.world_size > 1:
             gradients = [p.grad for p in parameters if p.grad is not None]
             flat = self.sum(torch.cat([gradient.flatten() for gradient in gradients]))
             for gradient, total in zip(gradients, torch.split(flat, [g.numel() for g in gradients]), strict=True):
@@ -39,14 +39,14 @@ class Processes:
 
     def average_statistics(self, network: nn.Module) -> None:
         """Give all processes the same means and variances in batch normalisation: the mean of what each has seen."""
-        if self.world > 1:
+        if self.world_size > 1:
             for name, statistic in network.named_buffers():
                 if name.endswith(("running_mean", "running_var")):
-                    self.sum(statistic).div_(self.world)
+                    self.sum(statistic).div_(self.world_size)
 
-    def wait(self) -> None:
+    def barrier(self) -> None:
         """Until all processes are here."""
-        if self.world > 1:
+        if self.world_size > 1:
             group.barrier()
 
 

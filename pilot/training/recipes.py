@@ -204,8 +204,8 @@ _BUILT_IN = TrainingConfig(
 RECIPES: dict[str, TrainingConfig] = {"default": TrainingConfig(), "built-in": _BUILT_IN, **_SEED_RECIPES}
 
 
-def config_from_plain(values: dict[str, Any]) -> TrainingConfig:
-    """The configuration that `checkpoint.plain` turned into plain values."""
+def config_from_jsonable(values: dict[str, Any]) -> TrainingConfig:
+    """The configuration that `checkpoint.to_jsonable` turned into plain values."""
 
     def restore(values: dict[str, Any]) -> dict[str, Any]:
         return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}

@@ -13,7 +13,7 @@ from pilot.data.batches import Batch
 from pilot.data.driving_log import DrivingLog, read_driving_logs
 from pilot.data.frame_cache import FrameCache
 from pilot.data.samples import make_samples
-from pilot.model.checkpoint import Model, load_plain, plain, save_model
+from pilot.model.checkpoint import Model, load_values, save_model, to_jsonable
 from pilot.model.networks import NETWORKS
 from pilot.training.distributed import Processes
 from pilot.training.recipes import TrainingConfig
@@ -31,7 +31,7 @@ def train(config: TrainingConfig, processes: Processes) -> None:
         NoUsableData: there is nothing to train on.
         KeyboardInterrupt: on Ctrl-C, after saying how to go on.
     """
-    say: Callable[[str], None] = print if processes.leads else lambda _: None
+    say: Callable[[str], None] = print if processes.is_main else lambda _: None
     cache = make_cache(config)
     log = read_in_turn(config, cache, processes)
     say(log.table())
@@ -39,33 +39,33 @@ def train(config: TrainingConfig, processes: Processes) -> None:
         say(f"decoded pictures cannot be kept ({cache.trouble}): each is decoded anew in every epoch")
     samples, validation = make_samples(log.rows, config.samples, config.seed)
     # one process drives for all
-    driving_check = make_driving_check(config, log, validation) if processes.leads else None
+    driving_check = make_driving_check(config, log, validation) if processes.is_main else None
     training = Training(config, samples, validation, processes=processes, driving_check=driving_check, cache=cache)
     say(
         f"{len(training.training)} pictures to train on, {len(training.validation)} moments to validate with; "
         f"network {config.network} on {training.device.type}"
     )
     _prepare_state(config, training)
-    history = History(config.report, tensorboard=config.tensorboard and processes.leads)
+    history = History(config.report, tensorboard=config.tensorboard and processes.is_main)
 
     def on_epoch(figures: dict[str, float]) -> None:
         say(epoch_line(figures, config.epochs))
-        if processes.leads:
+        if processes.is_main:
             history.write(training.history)
-        if processes.leads and training.epoch == 1:  # not before: the first step need not wait for pictures
+        if processes.is_main and training.epoch == 1:  # not before: the first step need not wait for pictures
             draw_samples(log, training)
 
     try:
-        training.run(on_epoch, training_bar(hidden=not processes.leads), config.report / STATE)
+        training.run(on_epoch, training_bar(hidden=not processes.is_main), config.report / STATE)
     except KeyboardInterrupt:
         say(f"\nStopped in epoch {training.epoch + 1}. To go on: python model.py --resume --out {config.out}")
         raise
     if config.select != "error":
         keep(config.report / LOWEST_ERROR, training.best, log, training)
     result = keep(config.out, training.chosen, log, training)
-    if processes.leads:
+    if processes.is_main:
         finish(config, training, result)
-    processes.wait()
+    processes.barrier()
 
 
 def make_cache(config: TrainingConfig) -> FrameCache:
@@ -77,11 +77,11 @@ def make_cache(config: TrainingConfig) -> FrameCache:
 
 def read_in_turn(config: TrainingConfig, cache: FrameCache, processes: Processes) -> DrivingLog:
     """Read the recordings: first the process that leads, then the others, who find all pictures decoded."""
-    if not processes.leads:
-        processes.wait()
-    log = read_driving_logs(config.folders, checking_bar(hidden=not processes.leads), cache)
-    if processes.leads:
-        processes.wait()
+    if not processes.is_main:
+        processes.barrier()
+    log = read_driving_logs(config.folders, checking_bar(hidden=not processes.is_main), cache)
+    if processes.is_main:
+        processes.barrier()
     return log
 
 
@@ -105,14 +105,14 @@ def _prepare_state(config: TrainingConfig, training: Training) -> None:
     """Restore the state to resume, or put an unfinished one of another training aside."""
     state = config.report / STATE
     if config.resume:
-        training.restore(load_plain(state, "start anew without --resume"))
-    elif training.processes.leads and state.exists():
+        training.restore(load_values(state, "start anew without --resume"))
+    elif training.processes.is_main and state.exists():
         state.replace(state.with_name("previous_state.pt"))
 
 
 def keep(path: Path, best: dict[str, Any], log: DrivingLog, training: Training) -> ValidationResult:
     """Write the network of one of the best epochs with what is known about it; all processes take part."""
-    network = training.take(best)
+    network = training.load_weights_of(best)
     result = measure(training)
     data = {
         "recordings": list(map(str, log.recordings)),
@@ -122,8 +122,10 @@ def keep(path: Path, best: dict[str, Any], log: DrivingLog, training: Training) 
         "validation_moments": len(training.validation),
     }
     metrics = {"epoch": best["epoch"], "recorded": result.recorded, "smoothed": result.smoothed}
-    if training.processes.leads:
-        save_model(path, Model(training.config.network, network, plain(training.config), data, plain(metrics)))
+    if training.processes.is_main:
+        save_model(
+            path, Model(training.config.network, network, to_jsonable(training.config), data, to_jsonable(metrics))
+        )
     return result
 
 

@@ -21,16 +21,16 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from pilot.data.batches import Batch, BatchLoader, Part
+from pilot.data.batches import Batch, BatchLoader, MicroBatch
 from pilot.data.device_augment import augment
 from pilot.data.frame_cache import FrameCache
 from pilot.data.frames import Frame
 from pilot.driving.driver import Steer
 from pilot.files import write_atomically
 from pilot.interrupt import Interrupt, catch_interrupt
-from pilot.model.checkpoint import UnusableModel, load_model, plain
+from pilot.model.checkpoint import UnusableModel, load_model, to_jsonable
 from pilot.model.networks import SteeringNetwork, build_network
-from pilot.training.devices import Cores, autocast, choose_device, keep_memory, parts_of_a_batch
+from pilot.training.devices import Cores, autocast, choose_device, keep_memory, micro_batches_of
 from pilot.training.distributed import Processes
 from pilot.training.metrics import Agreement, agreement
 from pilot.training.recipes import TrainingConfig
@@ -85,9 +85,9 @@ class Training:
         self.training, self.validation = training, validation
         self.training_mean = float(np.average(training["steering"], weights=training["weight"]))
         self.cache = cache or FrameCache()
-        share = self.config.batch_size // self.processes.world
-        self.parts = parts_of_a_batch(self.network, self.device, share)
-        self.cores = Cores(self.parts)
+        share = self.config.batch_size // self.processes.world_size
+        self.micro_batches = micro_batches_of(self.network, self.device, share)
+        self.cores = Cores(self.micro_batches)
         self.loader = self._loader(training, augment=True)
         self.epoch = self.step = 0
         self.error_sum = torch.zeros((), device=self.device)
@@ -148,24 +148,24 @@ class Training:
         source = iter(batches)
         read = self._read(next(source, None))
         while read:
-            size, parts = read
-            work = self.cores.start(functools.partial(self.gradients, size=size), parts)
+            size, micro_batches = read
+            work = self.cores.start(functools.partial(self.gradients, size=size), micro_batches)
             read = self._read(next(source, None))
             self._step([done.result() for done in work])
             yield size
 
-    def _read(self, batch: Batch | None) -> tuple[int, list[Future[Part]]] | None:
-        return (batch.size, self.cores.start(lambda part: part(), batch.parts)) if batch else None
+    def _read(self, batch: Batch | None) -> tuple[int, list[Future[MicroBatch]]] | None:
+        return (batch.size, self.cores.start(lambda micro_batch: micro_batch(), batch.micro_batches)) if batch else None
 
-    def _step(self, parts: Sequence[tuple[Sequence[Tensor], Tensor]]) -> None:
+    def _step(self, micro_batches: Sequence[tuple[Sequence[Tensor], Tensor]]) -> None:
         """Adam's step by the sum of the parts' gradients; the mean loss is that over the batch of all processes."""
-        for parameter, *gradients in zip(self.parameters, *(gradients for gradients, _ in parts), strict=True):
+        for parameter, *gradients in zip(self.parameters, *(gradients for gradients, _ in micro_batches), strict=True):
             parameter.grad = functools.reduce(Tensor.add_, gradients)
         self.processes.sum_gradients(self.parameters)
         for group in self.optimiser.param_groups:
             group["lr"] = learning_rate(self.config, self.epoch) * self._warmth()
         self.optimiser.step()
-        self.error_sum += torch.stack([errors for _, errors in parts]).sum()
+        self.error_sum += torch.stack([errors for _, errors in micro_batches]).sum()
         self.step += 1
 
     def _warmth(self) -> float:
@@ -173,21 +173,21 @@ class Training:
         done = self.epoch * math.ceil(len(self.training) / self.config.batch_size) + self.step
         return min((done + 1) / max(self.config.warm_up, 1), 1.0)
 
-    def gradients(self, reading: Future[Part], size: int) -> tuple[Sequence[Tensor], Tensor]:
+    def gradients(self, reading: Future[MicroBatch], size: int) -> tuple[Sequence[Tensor], Tensor]:
         """What a part adds to the gradients of the mean loss of `size` samples; its sum of squared errors."""
-        part = reading.result()
-        if not len(part.index):
+        micro_batch = reading.result()
+        if not len(micro_batch.index):
             return [torch.zeros_like(parameter) for parameter in self.parameters], torch.zeros((), device=self.device)
-        steering, weight = part.steering.to(self.device), part.weight.to(self.device)
+        steering, weight = micro_batch.steering.to(self.device), micro_batch.weight.to(self.device)
         with autocast(self.device):
-            predicted = self.network(self._frames(part)).float()
+            predicted = self.network(self._frames(micro_batch)).float()
         loss = (weight * self._losses(predicted, steering)).sum() / size
         return torch.autograd.grad(loss, self.parameters), (predicted.detach() - steering).square().sum()
 
-    def _frames(self, part: Part) -> Tensor:
+    def _frames(self, micro_batch: MicroBatch) -> Tensor:
         """The frames of a part on the device, augmented."""
-        frames = part.frames.to(self.device, non_blocking=True)
-        return augment(frames, part.draws.to(self.device), self.network.rows) if part.draws else frames
+        frames = micro_batch.frames.to(self.device, non_blocking=True)
+        return augment(frames, micro_batch.draws.to(self.device), self.network.rows) if micro_batch.draws else frames
 
     def _losses(self, predicted: Tensor, steering: Tensor) -> Tensor:
         if self.config.loss == "huber":
@@ -261,14 +261,16 @@ class Training:
         predicted = torch.zeros(len(samples), dtype=torch.float64)
         self.network.eval()
 
-        def predict(part: Callable[[], Part]) -> None:
-            loaded = part()
+        def predict(micro_batch: Callable[[], MicroBatch]) -> None:
+            loaded = micro_batch()
             if len(loaded.index):
                 with torch.inference_mode(), autocast(self.device):
                     predicted[loaded.index] = self.network(self._frames(loaded)).cpu().double()
 
         for batch in self._loader(samples, augment=False).epoch(0):
-            for done in self.cores.start(predict, batch.parts):  # batch by batch: what is read ahead stays bounded
+            for done in self.cores.start(
+                predict, batch.micro_batches
+            ):  # batch by batch: what is read ahead stays bounded
                 done.result()
         return np.asarray(self.processes.sum(predicted).numpy())
 
@@ -277,7 +279,7 @@ class Training:
         """The epoch that is to be kept: that which drives best, or the lowest error's."""
         return self.best if self.config.select == "error" else self.best_driving
 
-    def take(self, best: dict[str, Any]) -> SteeringNetwork:
+    def load_weights_of(self, best: dict[str, Any]) -> SteeringNetwork:
         """The network as it was in one of the best epochs, in evaluation mode."""
         if best["weights"]:
             self.network.load_state_dict(best["weights"])
@@ -288,7 +290,7 @@ class Training:
     def state(self) -> dict[str, Any]:
         """All that is needed to go on later, as tensors and plain values."""
         return {
-            "config": plain(self.config),
+            "config": to_jsonable(self.config),
             "fingerprint": fingerprint(self.training),
             "epoch": self.epoch,
             "step": self.step,
@@ -315,7 +317,7 @@ class Training:
         self.error_sum.copy_(state["error_sum"])
 
     def _save(self, state_file: Path | None) -> None:
-        if state_file and self.processes.leads:
+        if state_file and self.processes.is_main:
             state = self.state()
             write_atomically(state_file, lambda file: torch.save(state, file))
         self._saved = time.monotonic()
@@ -329,8 +331,8 @@ class Training:
             cache=self.cache,
             seed=self.config.seed,
             rank=self.processes.rank,
-            world=self.processes.world,
-            parts=self.parts,
+            world_size=self.processes.world_size,
+            micro_batches=self.micro_batches,
             for_gpu=self.device.type != "cpu",
         )
 

@@ -6,7 +6,7 @@ import torch
 from conftest import Recording
 
 from pilot.data.augment import AugmentConfig, rows_seen
-from pilot.data.batches import Batch, BatchLoader, Part
+from pilot.data.batches import Batch, BatchLoader, MicroBatch
 from pilot.data.device_augment import augment
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frame_cache import FrameCache
@@ -21,14 +21,14 @@ def training_samples(recording: Recording, **options: object) -> pd.DataFrame:
     return make_samples(rows, SampleConfig(block_seconds=1, **options), seed=0)[0]
 
 
-def whole(batch: Batch) -> Part:
-    """A batch of one part."""
-    (part,) = batch.parts
-    return part()
+def whole(batch: Batch) -> MicroBatch:
+    """A batch of one micro-batch."""
+    (micro_batch,) = batch.micro_batches
+    return micro_batch()
 
 
-def seen(part: Part) -> torch.Tensor:
-    return part.frames[:, slice(*ROWS)]
+def seen(micro_batch: MicroBatch) -> torch.Tensor:
+    return micro_batch.frames[:, slice(*ROWS)]
 
 
 def test_frames_come_as_recorded_in_rgb_without_augmentation(recording: Recording) -> None:
@@ -58,14 +58,14 @@ def test_augmentation_depends_on_seed_epoch_and_sample_alone(recording: Recordin
     resumed = whole(next(loader.epoch(3, first_batch=2)))
     assert torch.equal(seen(batches[2]), seen(resumed))
     assert torch.equal(batches[2].steering, resumed.steering)
-    in_parts = next(BatchLoader(samples, ROWS, 32, augment=AugmentConfig(), seed=1, parts=3).epoch(3))
-    assert torch.equal(torch.cat([seen(part()) for part in in_parts.parts]), seen(batches[0]))
+    in_parts = next(BatchLoader(samples, ROWS, 32, augment=AugmentConfig(), seed=1, micro_batches=3).epoch(3))
+    assert torch.equal(torch.cat([seen(micro_batch()) for micro_batch in in_parts.micro_batches]), seen(batches[0]))
 
 
 def test_processes_share_every_batch(recording: Recording) -> None:
     samples = training_samples(recording)
     alone = next(BatchLoader(samples, ROWS, 32, augment=AugmentConfig()).epoch(0))
-    loaders = [BatchLoader(samples, ROWS, 32, augment=AugmentConfig(), rank=rank, world=2) for rank in (0, 1)]
+    loaders = [BatchLoader(samples, ROWS, 32, augment=AugmentConfig(), rank=rank, world_size=2) for rank in (0, 1)]
     shares = [next(loader.epoch(0)) for loader in loaders]
     assert [share.size for share in shares] == [32, 32]
     assert sorted([*whole(shares[0]).index, *whole(shares[1]).index]) == sorted(whole(alone).index)
@@ -90,8 +90,8 @@ def test_a_picture_that_breaks_meanwhile_falls_out(recording: Recording) -> None
     loader = BatchLoader(samples, ROWS, 8)
     Path(broken).write_bytes(b"\xff\xd8 broken")
     batch = next(loader.epoch(0))
-    part = whole(batch)
-    assert len(part.frames) == len(part.steering) == len(part.weight) == 7
+    micro_batch = whole(batch)
+    assert len(micro_batch.frames) == len(micro_batch.steering) == len(micro_batch.weight) == 7
     assert batch.size == 8
     assert loader.unreadable == {broken}
 
@@ -105,9 +105,9 @@ def test_the_device_augments_as_the_cpu_does(recording: Recording) -> None:
     on_cpu = BatchLoader(samples, ROWS, 64, augment=config, cache=cache)
     on_device = BatchLoader(samples, ROWS, 64, augment=config, cache=cache, for_gpu=True)
     for expected, batch in zip(on_cpu.epoch(0), on_device.epoch(0), strict=True):
-        wanted, part = whole(expected), whole(batch)
-        assert torch.equal(part.steering, wanted.steering)
-        shown = augment(part.frames, part.draws.to(torch.device("cpu")), ROWS)
+        wanted, micro_batch = whole(expected), whole(batch)
+        assert torch.equal(micro_batch.steering, wanted.steering)
+        shown = augment(micro_batch.frames, micro_batch.draws.to(torch.device("cpu")), ROWS)
         difference = (shown[:, slice(*ROWS)].int() - seen(wanted).int()).abs().float()
         # grey levels: OpenCV rounds its coefficients, and shades the pixels on a shadow's very edge
         assert difference.mean() < 0.3

@@ -49,7 +49,10 @@ def test_throttle_stays_within_its_range() -> None:
 
 
 def test_slows_down_with_the_steering_where_asked() -> None:
-    plain, careful = SpeedController(SpeedConfig(speed=30)), SpeedController(SpeedConfig(speed=30, slow_in_curves=0.6))
+    plain, careful = (
+        SpeedController(SpeedConfig(speed=30)),
+        SpeedController(SpeedConfig(speed=30, slow_in_curves=0.6)),
+    )
     assert plain.wanted_speed(1.0) == 30
     assert careful.wanted_speed(0.0) == 30
     assert careful.wanted_speed(-0.5) == pytest.approx(21)

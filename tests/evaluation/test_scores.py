@@ -121,7 +121,7 @@ def test_json_gives_back_what_was_written(tmp_path: Path) -> None:
     plain = json.loads(path.read_text())
     assert plain["evaluations"][0]["rows"][0]["autonomy"] == pytest.approx(80)
     assert plain["setup"]["laps"] == 1
-    assert Scores.from_plain(plain["evaluations"][0]["total"]) == evaluation.total
+    assert Scores.from_jsonable(plain["evaluations"][0]["total"]) == evaluation.total
     path.write_text("[]")
     with pytest.raises(ValueError, match="holds no evaluations"):
         read_json(path)

@@ -11,13 +11,13 @@ import torch
 from conftest import Recording
 
 from pilot.data.augment import AugmentConfig
-from pilot.data.batches import Batch, Part
+from pilot.data.batches import Batch, MicroBatch
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.samples import SampleConfig, make_samples
 from pilot.model.checkpoint import Model, UnusableModel, save_model
 from pilot.model.networks import build_network
-from pilot.training.devices import choose_device, parts_of_a_batch
-from pilot.training.recipes import TrainingConfig, config_from_plain
+from pilot.training.devices import choose_device, micro_batches_of
+from pilot.training.recipes import TrainingConfig, config_from_jsonable
 from pilot.training.trainer import Training, learning_rate
 
 CONFIG = TrainingConfig(network="pilotnet", epochs=3, batch_size=32, samples=SampleConfig(block_seconds=1))
@@ -111,7 +111,7 @@ def test_stops_early_and_keeps_the_best_epoch(
     training.run(lambda _: None, quiet)
     assert training.epoch == 5
     assert training.best["epoch"] == 2
-    training.take(training.best)
+    training.load_weights_of(training.best)
     assert torch.equal(weights(training), kept[1])
 
 
@@ -142,9 +142,9 @@ def test_keeps_the_epoch_that_drives_best_beside_that_of_the_lowest_error(
     assert training.best_driving["epoch"] == 3
     assert training.best_driving["error"] == (0, 0.3)
     assert [epoch["interventions"] for epoch in training.history] == [1, 0, 0, 2]
-    training.take(training.chosen)
+    training.load_weights_of(training.chosen)
     assert torch.equal(weights(training), kept[2])
-    training.take(training.best)
+    training.load_weights_of(training.best)
     assert training.validate().mse == pytest.approx(training.best["error"])
 
 
@@ -152,9 +152,9 @@ def test_l2_is_the_penalty_added_to_the_loss(samples: tuple[pd.DataFrame, pd.Dat
     """One Adam step with `l2` equals one on loss + l2 * sum of squares of all weights and biases."""
     config = replace(CONFIG, l2=0.01)
     ours, reference = Training(config, *samples), Training(replace(config, l2=0.0), *samples)
-    part = whole(ours)
-    next(ours.steps([Batch(32, [lambda: part])]))
-    loss = ((reference.network(part.frames) - part.steering) ** 2).mean()
+    micro_batch = whole(ours)
+    next(ours.steps([Batch(32, [lambda: micro_batch])]))
+    loss = ((reference.network(micro_batch.frames) - micro_batch.steering) ** 2).mean()
     (loss + 0.01 * sum(p.square().sum() for p in reference.network.parameters())).backward()
     reference.optimiser.step()
     torch.testing.assert_close(weights(ours), weights(reference), atol=1e-5, rtol=1e-4)
@@ -162,9 +162,9 @@ def test_l2_is_the_penalty_added_to_the_loss(samples: tuple[pd.DataFrame, pd.Dat
 
 def test_weights_of_samples_count_in_the_loss(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
     training, other = Training(CONFIG, *samples), Training(CONFIG, *samples)
-    part = whole(training)
-    next(training.steps([Batch(32, [lambda: part])]))
-    next(other.steps([Batch(32, [lambda: replace(part, weight=torch.linspace(0, 2, 32))])]))
+    micro_batch = whole(training)
+    next(training.steps([Batch(32, [lambda: micro_batch])]))
+    next(other.steps([Batch(32, [lambda: replace(micro_batch, weight=torch.linspace(0, 2, 32))])]))
     assert not torch.equal(weights(training), weights(other))
 
 
@@ -226,42 +226,42 @@ def test_an_absent_device_is_an_error_that_names_those_there_are() -> None:
 
 def test_parts_add_up_to_the_whole_batch(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
     training = Training(CONFIG, *samples)
-    part = whole(training)
+    micro_batch = whole(training)
     halves = [
         replace(
-            part,
-            frames=part.frames[half],
-            steering=part.steering[half],
-            weight=part.weight[half],
-            index=part.index[half],
+            micro_batch,
+            frames=micro_batch.frames[half],
+            steering=micro_batch.steering[half],
+            weight=micro_batch.weight[half],
+            index=micro_batch.index[half],
         )
         for half in (slice(0, 20), slice(20, 32))
     ]
-    together, error = training.gradients(read(part), 32)
+    together, error = training.gradients(read(micro_batch), 32)
     (first, first_error), (second, second_error) = (training.gradients(read(half), 32) for half in halves)
     for a, b, both in zip(first, second, together, strict=True):
         torch.testing.assert_close(a + b, both, atol=1e-6, rtol=1e-3)
     torch.testing.assert_close(first_error + second_error, error)
 
 
-def read(part: Part) -> Future[Part]:
-    future: Future[Part] = Future()
-    future.set_result(part)
+def read(micro_batch: MicroBatch) -> Future[MicroBatch]:
+    future: Future[MicroBatch] = Future()
+    future.set_result(micro_batch)
     return future
 
 
-def whole(training: Training) -> Part:
-    """The first batch of a training, in one part."""
-    parts = [part() for part in next(training.loader.epoch(0)).parts]
+def whole(training: Training) -> MicroBatch:
+    """The first batch of a training, as one micro-batch."""
+    micro_batches = [micro_batch() for micro_batch in next(training.loader.epoch(0)).micro_batches]
     names = ("frames", "steering", "weight")
-    return Part(
-        *(torch.cat([getattr(part, name) for part in parts]) for name in names),
-        index=np.concatenate([part.index for part in parts]),
+    return MicroBatch(
+        *(torch.cat([getattr(micro_batch, name) for micro_batch in micro_batches]) for name in names),
+        index=np.concatenate([micro_batch.index for micro_batch in micro_batches]),
     )
 
 
 @pytest.mark.parametrize(
-    ("network", "device", "batch_size", "parts"),
+    ("network", "device", "batch_size", "micro_batches"),
     [
         ("pilotnet", "cpu", 64, 2),
         ("pilotnet", "cpu", 24, 1),
@@ -270,23 +270,23 @@ def whole(training: Training) -> Part:
     ],
 )
 def test_a_batch_is_divided_among_the_cores(
-    network: str, device: str, batch_size: int, parts: int, monkeypatch: pytest.MonkeyPatch
+    network: str, device: str, batch_size: int, micro_batches: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pilot.training.devices.CORES", 2)
-    assert parts_of_a_batch(build_network(network), torch.device(device), batch_size) == parts
+    assert micro_batches_of(build_network(network), torch.device(device), batch_size) == micro_batches
 
 
 def test_a_training_on_a_gpu_is_the_same_but_for_rounding(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
     """What is done for a GPU, done by the CPU: batches read ahead, augmented by the device."""
     config = replace(CONFIG, epochs=1)
     on_cpu, on_device = trained(samples, config), Training(config, *samples)
-    on_device.loader.for_gpu, on_device.loader.parts = True, 1
+    on_device.loader.for_gpu, on_device.loader.micro_batches = True, 1
     on_device.run(lambda _: None, quiet)
     assert on_device.history[0]["training_mse"] == pytest.approx(on_cpu.history[0]["training_mse"], rel=0.05)
 
 
 def test_configurations_survive_as_plain_values() -> None:
-    from pilot.model.checkpoint import plain
+    from pilot.model.checkpoint import to_jsonable
 
     config = replace(CONFIG, data=(Path("a"), Path("b")), augment=AugmentConfig(crop_top=(0.1, 0.2)))
-    assert config_from_plain(plain(config)) == config
+    assert config_from_jsonable(to_jsonable(config)) == config
