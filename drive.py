@@ -9,7 +9,7 @@ from pathlib import Path
 
 import tyro
 
-from pilot.driving.controller import SpeedConfig
+from pilot.driving.controller import ControllerConfig
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class ServeConfig:
     frame_seconds: float | None = None
     """For a simulator that does not run in real time (simulator.py drive --fast): its seconds from one telemetry to
     the next, which are 0.04 there."""
-    drive: tyro.conf.OmitArgPrefixes[SpeedConfig] = field(default_factory=SpeedConfig)
+    drive: tyro.conf.OmitArgPrefixes[ControllerConfig] = field(default_factory=ControllerConfig)
 
     def check(self) -> None:
         """Refuse values that cannot work.

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from pilot.evaluation.plan import Setup, expand_tracks
+from pilot.evaluation.conditions import Conditions, expand_tracks
 
 if TYPE_CHECKING:
-    from pilot.evaluation.closed_loop import MakeSteer
+    from pilot.evaluation.closed_loop import PolicyFactory
+    from pilot.evaluation.scenarios import Scenario
     from pilot.evaluation.scores import Trajectory
     from pilot.evaluation.table import Evaluation
-    from pilot.evaluation.trials import Trial
 
 EXPERT = Path("expert")  # as a model: the built-in simulator's expert
 TRACKS = ("lake", "lake reversed", "jungle", "jungle reversed", "mountain", "mountain reversed", "random:0-4")
@@ -40,7 +40,7 @@ class EvaluationConfig:
     """Each track in each of these; without it, in its own."""
     seeds: tuple[int, ...] = ()
     """Start places, one drive for each; without it, the start line."""
-    setup: tyro.conf.OmitArgPrefixes[Setup] = field(default_factory=Setup)
+    conditions: tyro.conf.OmitArgPrefixes[Conditions] = field(default_factory=Conditions)
     recordings: tuple[Path, ...] = ()
     """Recordings of people's drives to replay: the pictures are warped to where the model's car stands."""
     last_part: float = 1.0
@@ -69,14 +69,17 @@ class EvaluationConfig:
         Raises:
             ValueError: names the option, its value and what it may be.
         """
-        self.setup.check()
+        self.conditions.check()
         if not self.models:
             raise ValueError("which model? Such as: python evaluate.py model.pt")
         if self.jobs is not None and self.jobs < 1:
             raise ValueError(f"--jobs {self.jobs}: must be at least 1")
         if min(self.seeds, default=0) < 0:
             raise ValueError(f"--seeds {min(self.seeds)}: must not be negative")
-        if self.socket and (self.setup.latency_ms, self.setup.lost_frames) != (Setup.latency_ms, Setup.lost_frames):
+        if self.socket and (self.conditions.latency_ms, self.conditions.lost_frames) != (
+            Conditions.latency_ms,
+            Conditions.lost_frames,
+        ):
             raise ValueError("--socket: --latency-ms and --lost-frames are for drives without it")
         if EXPERT in self.models and (self.socket or self.recordings):
             raise ValueError("the expert knows the road of the built-in simulator: not with --socket or --recordings")
@@ -111,35 +114,36 @@ def evaluate(config: EvaluationConfig) -> None:
 
     names = name_paths(config.models)
     drivers = {name: make_driver(path) for name, path in zip(names, config.models, strict=True)}
-    trials = [*track_trials(config), *recording_trials(config)]
-    trajectories = drive_all(config, drivers, trials)
+    scenarios = [*track_scenarios(config), *recording_scenarios(config)]
+    trajectories = drive_all(config, drivers, scenarios)
     evaluations = [
-        report(config.out / name, name, {trial: trajectories[name, trial.title] for trial in trials}) for name in names
+        report(config.out / name, name, {scenario: trajectories[name, scenario.title] for scenario in scenarios})
+        for name in names
     ]
     write_json(config.out / "scores.json", evaluations, asdict(config))
     print(table(evaluations), "", *map(verdict, evaluations), sep="\n")
     print(f"figures and pictures: {config.out}{os.sep}")
 
 
-def track_trials(config: EvaluationConfig) -> "list[Trial]":
+def track_scenarios(config: EvaluationConfig) -> "list[Scenario]":
     """Where to drive.
 
     Raises:
         ValueError: there is no such track.
     """
-    from pilot.evaluation.trials import TrackTrial
+    from pilot.evaluation.scenarios import TrackScenario
     from pilot.simulator.catalogue import load_track
 
     for track in config.driven_tracks:
         load_track(track)
     return [
-        TrackTrial(track, light, config.seeds or (None,), config.setup, config.socket)
+        TrackScenario(track, light, config.seeds or (None,), config.conditions, config.socket)
         for track in config.driven_tracks
         for light in config.lights or (None,)
     ]
 
 
-def recording_trials(config: EvaluationConfig) -> "list[Trial]":
+def recording_scenarios(config: EvaluationConfig) -> "list[Scenario]":
     """What to replay: the road is found in each first, which takes a while.
 
     Raises:
@@ -147,12 +151,12 @@ def recording_trials(config: EvaluationConfig) -> "list[Trial]":
     """
     from tqdm import tqdm
 
-    from pilot.evaluation.trials import prepare_trial
+    from pilot.evaluation.scenarios import prepare_scenario
     from pilot.workers import run_jobs
 
     folders = [folder.resolve() for folder in config.recordings]
     named = list(zip(name_paths(folders), folders, strict=True))
-    found = run_jobs(partial(prepare_trial, config.last_part), named, config.jobs)
+    found = run_jobs(partial(prepare_scenario, config.last_part), named, config.jobs)
     prepared = dict(
         tqdm(
             found,
@@ -182,25 +186,25 @@ def name_paths(paths: Sequence[Path]) -> list[str]:
     return names
 
 
-def make_driver(path: Path) -> "MakeSteer":
+def make_driver(path: Path) -> "PolicyFactory":
     """Who drives by a model.
 
     Raises:
         UnusableModel: the file is missing, damaged, or no model of this program.
     """
-    from pilot.evaluation.closed_loop import ModelDriver, expert_driver
+    from pilot.evaluation.closed_loop import ModelPolicy, expert_policy
     from pilot.model.checkpoint import load_model
 
     if path == EXPERT:
-        return expert_driver
+        return expert_policy
     load_model(path)  # a wrong one is refused before minutes of driving
-    return ModelDriver(path)
+    return ModelPolicy(path)
 
 
 def drive_all(
     config: EvaluationConfig,
-    drivers: "dict[str, MakeSteer]",
-    trials: "Sequence[Trial]",
+    drivers: "dict[str, PolicyFactory]",
+    scenarios: "Sequence[Scenario]",
 ) -> "dict[tuple[str, str], list[Trajectory]]":
     """Do the drives of every model and trial, several at the same time, with a bar; by model and title."""
     from tqdm import tqdm
@@ -208,10 +212,10 @@ def drive_all(
     from pilot.workers import run_jobs
 
     jobs = [
-        ((name, trial.title), job)
-        for trial in trials
+        ((name, scenario.title), job)
+        for scenario in scenarios
         for name, driver in drivers.items()
-        for job in trial.jobs(driver, config.out / name if config.video else None)
+        for job in scenario.jobs(driver, config.out / name if config.video else None)
     ]
     done = dict(
         tqdm(
@@ -228,15 +232,15 @@ def drive_all(
     return trajectory
 
 
-def report(folder: Path, name: str, trajectory: "dict[Trial, list[Trajectory]]") -> "Evaluation":
+def report(folder: Path, name: str, trajectory: "dict[Scenario, list[Trajectory]]") -> "Evaluation":
     """Measure what a model drove, and draw it into a folder."""
     from pilot.evaluation.scores import measure
     from pilot.evaluation.table import Evaluation
     from pilot.training.plots import save
 
-    rows = {trial: measure(trial.title, trajectories) for trial, trajectories in trajectory.items()}
-    for trial, scores in rows.items():
-        save(trial.draw(f"{name}, {trial.title}", trajectory[trial], scores), folder / f"{trial.file}.png")
+    rows = {scenario: measure(scenario.title, trajectories) for scenario, trajectories in trajectory.items()}
+    for scenario, scores in rows.items():
+        save(scenario.draw(f"{name}, {scenario.title}", trajectory[scenario], scores), folder / f"{scenario.file}.png")
     total = measure("all", [trajectory for trajectories in trajectory.values() for trajectory in trajectories])
     return Evaluation(name, tuple(rows.values()), total)
 

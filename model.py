@@ -57,7 +57,7 @@ def record_if_empty(folder: Path) -> None:
     Raises:
         OSError: the folder cannot be written to.
     """
-    from pilot.simulator.record import missing_demonstrations, record_demonstrations  # takes a while to import
+    from pilot.simulator.demonstrations import missing_demonstrations, record_demonstrations  # takes a while to import
 
     built_in = folder / BUILT_IN
     if not has_own_recordings(folder) and (missing := missing_demonstrations(built_in)):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, NoReturn, TypeVar
 import tyro
 from tqdm import tqdm
 
-from pilot.simulator.recording import Demonstration
+from pilot.simulator.demonstration import DemonstrationConfig
 
 if TYPE_CHECKING:
     from pilot.simulator.simulator import Simulator
@@ -55,7 +55,7 @@ class RecordConfig:
     out: Path
     """Where the recording goes; one that is there already goes on."""
     road: tyro.conf.OmitArgPrefixes[RoadConfig] = field(default_factory=RoadConfig)
-    plan: tyro.conf.OmitArgPrefixes[Demonstration] = field(default_factory=Demonstration)
+    demonstration: tyro.conf.OmitArgPrefixes[DemonstrationConfig] = field(default_factory=DemonstrationConfig)
 
 
 @dataclass(frozen=True)
@@ -100,12 +100,12 @@ def parse(config: Callable[..., Config], arguments: Sequence[str]) -> Config:
 
 def record(config: RecordConfig) -> int:
     """Record the expert."""
-    from pilot.simulator.record import record as record_expert
+    from pilot.simulator.demonstrations import record as record_expert
 
     with tqdm(total=100, desc=config.road.name, unit="%", bar_format="{desc}: {percentage:3.0f}%|{bar}|") as bar:
         rows = record_expert(
             config.road.name,
-            config.plan,
+            config.demonstration,
             config.out,
             light=config.road.light,
             on_progress=lambda done: bar.update(round(100 * done) - bar.n),

@@ -52,8 +52,7 @@ def make(config: ClipConfig) -> None:
     Raises:
         ValueError, OSError: with the cure in the message.
     """
-    from tqdm import tqdm
-
+    from pilot.progress import terminal_bar
     from pilot.video.clip import make_clip, read_log_entries
 
     if config.fps is not None and not 0 < config.fps <= 240:
@@ -66,7 +65,7 @@ def make(config: ClipConfig) -> None:
         target,
         fps=config.fps,
         overlays=overlays(config),
-        progress=lambda frames: tqdm(frames, unit=" frames", leave=False),
+        progress=terminal_bar,
     )
     left_out = f"; {result.unreadable} pictures could not be read and were left out" if result.unreadable else ""
     print(f"{target}: {result.frames} frames, {result.seconds:.1f} s{left_out}")

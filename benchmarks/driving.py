@@ -39,7 +39,7 @@ from pilot.model.networks import NETWORKS, build_network
 
 LONGEST = 60.0  # seconds of one drive
 SCENES = (("no pause", 2, 0.0), ("one telemetry at a time", 1, 0.0), ("60 rendered frames/s", 2, 1 / 60))
-Steer = Callable[[dict[str, str]], float]
+SteeringPolicy = Callable[[dict[str, str]], float]
 
 
 def made_up_image() -> bytes:
@@ -51,7 +51,7 @@ def made_up_image() -> bytes:
     return image
 
 
-def ways(model: Model) -> Iterator[tuple[str, Steer]]:
+def ways(model: Model) -> Iterator[tuple[str, SteeringPolicy]]:
     """Ways from a telemetry to steering, by name."""
 
     def pillow(message: dict[str, str]) -> torch.Tensor:
@@ -95,7 +95,7 @@ def in_process(model: Model, message: dict[str, str], repeats: int) -> None:
             print(f"{name:32s} p50 {p50:6.2f} ms, p99 {p99:6.2f} ms", flush=True)
 
 
-def timed(steer: Steer, message: dict[str, str]) -> float:
+def timed(steer: SteeringPolicy, message: dict[str, str]) -> float:
     """Seconds of one call."""
     began = time.perf_counter()
     steer(message)

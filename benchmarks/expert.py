@@ -34,7 +34,7 @@ def row(title: str, names: Sequence[str], count: int) -> str:
     departures = sum(
         before.on_road and not after.on_road for states in drives for before, after in itertools.pairwise(states)
     )
-    offsets = np.abs([state.offset for states in drives for state in states])
+    offsets = np.abs([state.cross_track_error for states in drives for state in states])
     speed = np.mean([state.speed for states in drives for state in states])
     return (
         f"| {title} | {count * len(drives)} | {departures} | {offsets.mean():.2f} | "

@@ -23,17 +23,17 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import read_frame
-from pilot.driving.driver import Steer
-from pilot.evaluation.closed_loop import ModelDriver, Task, run
-from pilot.evaluation.plan import Setup, expand_tracks
+from pilot.driving.driver import SteeringPolicy
+from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, run
+from pilot.evaluation.conditions import Conditions, expand_tracks
 from pilot.evaluation.replay import Replayable, ReplayConfig, along_path, prepare, replay
 from pilot.evaluation.scores import measure
-from pilot.simulator.record import record
-from pilot.simulator.recording import Demonstration
+from pilot.simulator.demonstration import DemonstrationConfig
+from pilot.simulator.demonstrations import record
 from pilot.training import plots
 from pilot.workers import run_jobs
 
-WANDERING = Demonstration(laps=1, rate=10, wander=0.5)
+WANDERING = DemonstrationConfig(laps=1, rate=10, wander=0.5)
 PATH_LIMITS = (1.0, 2.0)
 PREDICTORS = {
     "mse": "mean squared error",
@@ -63,22 +63,22 @@ def judge(folder: Path, track: str, models: list[Path]) -> list[dict[str, object
             "reference": recording.reference,
             "clarity": recording.clarity,
             **_true(path, track),
-            **_predicted(ModelDriver(path)(), rows, recording),
+            **_predicted(ModelPolicy(path)(), rows, recording),
         }
         for path in models
     ]
 
 
 def _true(path: Path, track: str) -> dict[str, float]:
-    scores = measure(track, [run(Task(ModelDriver(path), track, Setup()))])
-    return {"autonomy": scores.autonomy, "offset": scores.offset_mean}
+    scores = measure(track, [run(DriveRequest(ModelPolicy(path), track, Conditions()))])
+    return {"autonomy": scores.autonomy, "offset": scores.cross_track_mean}
 
 
-def _predicted(steer: Steer, rows: pd.DataFrame, recording: Replayable) -> dict[str, float]:
+def _predicted(steer: SteeringPolicy, rows: pd.DataFrame, recording: Replayable) -> dict[str, float]:
     predicted = np.array([steer(read_frame(path)) for path in rows["center"]])
     figures = {"mse": float(((predicted - rows["steering"]) ** 2).mean())}
     figures["road"] = measure("", replay(recording, steer)).autonomy
-    by_path = Replayable(tuple(along_path(each.rows, each.motion) for each in recording.stretches), "path", 0.0)
+    by_path = Replayable(tuple(along_path(each.rows, each.motion) for each in recording.segments), "path", 0.0)
     for limit in PATH_LIMITS:
         figures[f"path {limit:g} m"] = measure("", replay(by_path, steer, ReplayConfig(limit))).autonomy
     return figures

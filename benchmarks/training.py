@@ -56,8 +56,8 @@ def made_up_recording(moments: int = 400) -> Iterator[Path]:
     with tempfile.TemporaryDirectory() as name:
         folder, lines = Path(name), []
         (folder / "IMG").mkdir()
-        for moment in range(moments):
-            stamp = f"2016_12_01_13_{moment // 600:02d}_{moment // 10 % 60:02d}_{moment % 10}00"
+        for step in range(moments):
+            stamp = f"2016_12_01_13_{step // 600:02d}_{step // 10 % 60:02d}_{step % 10}00"
             for camera in CAMERAS:
                 coarse = rng.integers(60, 200, (20, 40, 3), dtype=np.uint8)
                 frame = cv2.resize(coarse, (320, 160)).astype(int) + rng.integers(-9, 10, (160, 320, 1))

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 
-from pilot.evaluation.closed_loop import ModelDriver, Task, run
-from pilot.evaluation.plan import Setup
+from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, run
+from pilot.evaluation.conditions import Conditions
 from pilot.model.checkpoint import load_model
 
 MODELS = sorted((REPOSITORY / "models").glob("*.pt"))
@@ -28,6 +28,6 @@ def test_they_are_small_and_tell_what_they_were_trained_on(path: Path) -> None:
 
 
 def test_the_one_for_the_built_in_simulator_keeps_to_the_road() -> None:
-    driven = run(Task(ModelDriver(REPOSITORY / "models" / "built_in.pt"), "lake", Setup(laps=0.2)))
+    driven = run(DriveRequest(ModelPolicy(REPOSITORY / "models" / "built_in.pt"), "lake", Conditions(laps=0.2)))
     assert not driven.interventions
-    assert abs(driven.offsets).max() < 1
+    assert abs(driven.cross_track_errors).max() < 1

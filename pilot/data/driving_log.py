@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from pilot.data.frame_cache import FrameCache, Progress
+from pilot.data.frame_cache import FrameCache
 from pilot.data.log_format import LOG_NAME, NUMBERS, LogLine, parse_log, time_of
+from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import CAMERAS
 
 SECONDS_A_ROW = 0.1  # where the names of the pictures carry no time
@@ -70,7 +71,7 @@ def find_recordings(folders: Sequence[Path]) -> list[Path]:
 
 
 def read_driving_logs(
-    folders: Sequence[Path], progress: Progress | None = None, cache: FrameCache | None = None
+    folders: Sequence[Path], progress: ProgressBar[str] = no_bar, cache: FrameCache | None = None
 ) -> DrivingLog:
     """Read one or many recordings and leave out what cannot be used, counted by reason.
 

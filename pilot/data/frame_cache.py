@@ -11,7 +11,7 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import groupby
 from pathlib import Path
@@ -22,9 +22,9 @@ from platformdirs import user_cache_path
 
 from pilot.data.frames import Frame, UnreadableImage, read_frame
 from pilot.files import move_when_done
+from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import COLUMNS, ROWS
 
-Progress = Callable[[Iterable[str], int], Iterable[str]]
 AT_ONCE = 256  # pictures decoded ahead of being written
 DAY = 86400.0  # seconds; unfinished files older than this were left by a crash
 
@@ -61,7 +61,7 @@ class FrameCache:
                     return kept
         return self._decode(path)
 
-    def check(self, paths: Sequence[str], progress: Progress | None = None) -> dict[str, str]:
+    def check(self, paths: Sequence[str], progress: ProgressBar[str] = no_bar) -> dict[str, str]:
         """Why which pictures cannot be used; decodes all that are not known yet, and keeps them.
 
         Args:
@@ -69,7 +69,7 @@ class FrameCache:
             progress: wraps the pictures while they are checked (called with them and their number).
         """
         ordered = sorted(set(paths), key=os.path.split)
-        shown = iter(progress(ordered, len(ordered)) if progress else ordered)
+        shown = iter(progress(ordered, len(ordered), "checking pictures"))
         faults: dict[str, str] = {}
         with ThreadPoolExecutor(os.cpu_count()) as threads:
             try:

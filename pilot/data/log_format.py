@@ -124,6 +124,27 @@ def time_of(name: str) -> float:
         return math.nan
 
 
+# Writing
+
+
+def time_stamp(moment: datetime) -> str:
+    """The time in a picture's name, to the millisecond: `2016_12_01_13_30_48_287`; `time_of` reads it."""
+    return f"{moment:%Y_%m_%d_%H_%M_%S}_{moment.microsecond // 1000:03d}"
+
+
+def format_line(images: Sequence[str], steering: float, throttle: float, speed: float) -> str:
+    """A line of the log, with its end.
+
+    Args:
+        images: names or paths of the centre, left and right picture; "" for one that there is not.
+        steering: -1..1.
+        throttle: -1..1; a negative one is written as brake.
+        speed: mph.
+    """
+    values = (steering, max(0.0, throttle), max(0.0, -throttle), abs(speed))  # in this order: never -0
+    return ",".join([*images, *(f"{value:.7g}" for value in values)]) + "\n"
+
+
 # Decimal commas
 
 

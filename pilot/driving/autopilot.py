@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pilot.data.frames import Frame
-from pilot.driving.controller import SpeedConfig, SpeedController, SteeringFilter
+from pilot.driving.controller import ControllerConfig, SpeedController, SteeringFilter
 from pilot.driving.telemetry import BadTelemetry, Telemetry, parse_telemetry, steer_message, uses_commas
 
 log = logging.getLogger("pilot")
@@ -48,7 +48,7 @@ class Autopilot:
     """
 
     def __init__(
-        self, steer: Callable[[Frame], float], config: SpeedConfig, clock: Callable[[], float] = time.perf_counter
+        self, steer: Callable[[Frame], float], config: ControllerConfig, clock: Callable[[], float] = time.perf_counter
     ) -> None:
         """Drive with `steer` (frame to -1..1)."""
         self.steer, self.clock = steer, clock

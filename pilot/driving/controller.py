@@ -9,7 +9,7 @@ LONGEST_STEP = 0.5  # s: after a longer pause the integral does not make up for 
 
 
 @dataclass(frozen=True)
-class SpeedConfig:
+class ControllerConfig:
     """How fast to drive."""
 
     speed: float = 20.0
@@ -41,7 +41,7 @@ class SpeedConfig:
 class SpeedController:
     """Throttle (-1..1) from measured and wanted speed, with a time step and a bounded integral."""
 
-    def __init__(self, config: SpeedConfig) -> None:
+    def __init__(self, config: ControllerConfig) -> None:
         self.config = config
         self.set_speed = config.speed
         self.integral = 0.0

@@ -12,7 +12,7 @@ from pilot.model.checkpoint import Model, load_model
 from pilot.model.networks import fold_dense
 from pilot.vehicle import COLUMNS, ROWS
 
-Steer = Callable[[Frame], float]  # a 160x320x3 uint8 RGB frame to steering, -1..1
+SteeringPolicy = Callable[[Frame], float]  # a 160x320x3 uint8 RGB frame to steering, -1..1
 
 WARM_UP = 20  # the first runs of a frozen network optimise it, and must not happen while the car drives
 

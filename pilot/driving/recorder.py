@@ -8,7 +8,7 @@ from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
-from pilot.data.log_format import LOG_NAME
+from pilot.data.log_format import LOG_NAME, format_line, time_stamp
 from pilot.driving.autopilot import Answer
 
 log = logging.getLogger("pilot")
@@ -62,7 +62,7 @@ class Recorder:
         last = ""
         with (self.folder / LOG_NAME).open("a", encoding="utf-8") as rows:
             while (item := self._queue.get()) is not STOP:
-                stamp = f"{item[0]:%Y_%m_%d_%H_%M_%S}_{item[0].microsecond // 1000:03d}"
+                stamp = time_stamp(item[0])
                 if self.failed or stamp == last:  # two frames in a millisecond: there is one name only
                     continue
                 last = stamp
@@ -78,8 +78,7 @@ class Recorder:
         path = self.folder / f"{stamp}.jpg"  # as the simulator's original server names it
         path.write_bytes(answer.telemetry.jpeg)
         self.frames += 1
-        throttle, brake = max(answer.throttle, 0.0), max(-answer.throttle, 0.0)
-        return f"{path.name},,,{answer.steering:.6g},{throttle:.4g},{brake:.4g},{answer.telemetry.speed:.6g}\n"
+        return format_line([path.name, "", ""], answer.steering, answer.throttle, answer.telemetry.speed)
 
     def _fail(self, error: OSError) -> None:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT)

@@ -16,9 +16,9 @@ import numpy as np
 
 from pilot.data.frames import Frame
 from pilot.driving.autopilot import Answer, Autopilot
-from pilot.driving.driver import Driver, Steer
+from pilot.driving.driver import Driver, SteeringPolicy
 from pilot.driving.recorder import Recorder
-from pilot.evaluation.plan import Setup
+from pilot.evaluation.conditions import Conditions
 from pilot.evaluation.scores import Intervention, Reason, Trajectory
 from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.expert import Expert
@@ -32,7 +32,7 @@ SLOWEST = 0.25  # share of the set speed; who is slower on average does not get 
 FRAMES_PER_SECOND = 1 / (TICKS * TICK)
 CLIP_START = datetime(2000, 1, 1)  # frames of a clip are named by the simulator's clock
 
-MakeSteer = Callable[[Episode], Steer]
+PolicyFactory = Callable[[Episode], SteeringPolicy]
 Command = tuple[float, float]
 
 
@@ -40,7 +40,7 @@ Command = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class ModelDriver:
+class ModelPolicy:
     """Makes the steering of a trained model.
 
     Attributes:
@@ -49,7 +49,7 @@ class ModelDriver:
 
     path: Path
 
-    def __call__(self, _drive: Episode | None = None) -> Steer:
+    def __call__(self, _drive: Episode | None = None) -> SteeringPolicy:
         """Load it.
 
         Raises:
@@ -63,7 +63,7 @@ def _load(path: Path) -> Driver:
     return Driver.load(path)
 
 
-def expert_driver(episode: Episode) -> Steer:
+def expert_policy(episode: Episode) -> SteeringPolicy:
     """Makes the steering of the expert, who knows the road and needs no picture: what can be reached at best."""
     expert = Expert(episode)
     return lambda _frame: expert.command()[0]
@@ -151,8 +151,8 @@ class Delay:
 def drive_laps(
     episode: Episode,
     picture: Callable[[Episode], Frame],
-    steer: Steer,
-    setup: Setup,
+    steer: SteeringPolicy,
+    conditions: Conditions,
     *,
     seed: int = 0,
     observe: Callable[[Answer], None] = lambda _: None,
@@ -163,19 +163,19 @@ def drive_laps(
         drive: the car on its road, where it is to start.
         picture: what the centre camera sees: 160x320x3 uint8 RGB.
         steer: frame to steering, -1..1.
-        setup: laps, speed, latency, lost frames.
+        conditions: laps, speed, latency, lost frames.
         seed: of the frames that get lost.
         observe: called with every answer of the autopilot.
 
     Raises:
         RuntimeError: `steer` failed.
     """
-    autopilot = Autopilot(steer, setup.speed, clock=lambda: episode.ticks * TICK)
-    delay = Delay(round(setup.latency_ms / 1000 / TICK))
-    referee = Referee(episode, setup.laps, setup.speed.speed, delay.straighten)
+    autopilot = Autopilot(steer, conditions.speed, clock=lambda: episode.ticks * TICK)
+    delay = Delay(round(conditions.latency_ms / 1000 / TICK))
+    referee = Referee(episode, conditions.laps, conditions.speed.speed, delay.straighten)
     random = np.random.default_rng(seed)
     while not referee.over:
-        if random.random() >= setup.lost_frames:
+        if random.random() >= conditions.lost_frames:
             answer = autopilot.answer(build_telemetry(episode, picture(episode)))
             if answer.telemetry is None:
                 raise RuntimeError("the driver failed; what went wrong stands above")
@@ -190,26 +190,26 @@ def drive_laps(
 
 
 @dataclass(frozen=True)
-class Task:
+class DriveRequest:
     """One drive that is to be done, in any process.
 
     Attributes:
         driver: makes the steering for a car; to be pickled.
         track: such as lake, or random:7 reversed. light: None is the track's own.
         start: seed of the start place and of the frames that get lost; None starts at the start line.
-        setup: how to drive.
+        conditions: how to drive.
         clip: where a video of it goes; None makes none.
     """
 
-    driver: MakeSteer
+    driver: PolicyFactory
     track: str
-    setup: Setup
+    conditions: Conditions
     light: str | None = None
     start: int | None = None
     clip: Path | None = None
 
 
-def run(task: Task) -> Trajectory:
+def run(request: DriveRequest) -> Trajectory:
     """Do a drive.
 
     Raises:
@@ -218,27 +218,27 @@ def run(task: Task) -> Trajectory:
         RuntimeError: the driver failed.
         OSError: the clip cannot be written.
     """
-    simulator = simulator_at(task)
+    simulator = simulator_at(request)
     episode = simulator.episode
     do = functools.partial(
         drive_laps,
         episode,
         lambda _: simulator.look()["center"],
-        task.driver(episode),
-        task.setup,
-        seed=task.start or 0,
+        request.driver(episode),
+        request.conditions,
+        seed=request.start or 0,
     )
-    return do() if task.clip is None else _filmed(do, episode, task.clip)
+    return do() if request.clip is None else _filmed(do, episode, request.clip)
 
 
-def simulator_at(task: Task) -> Simulator:
+def simulator_at(request: DriveRequest) -> Simulator:
     """The simulator with the car where a drive is to start.
 
     Raises:
         ValueError: there is no such track or light.
     """
     simulator = _simulator()
-    simulator.reset(task.track, task.start, task.light)
+    simulator.reset(request.track, request.start, request.light)
     return simulator
 
 

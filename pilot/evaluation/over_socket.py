@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
-from pilot.evaluation.closed_loop import ModelDriver, Referee, Task, film, simulator_at
+from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, Referee, film, simulator_at
 from pilot.evaluation.scores import Trajectory
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.wire.client import TICKS_PER_ANSWER, Client
@@ -22,7 +22,7 @@ PATIENCE_SECONDS = 30.0  # by the clock, without an answer
 LAST_WORDS = "episode.log"
 
 
-def run_over_socket(task: Task) -> Trajectory:
+def run_over_socket(request: DriveRequest) -> Trajectory:
     """Do a drive; latency and lost frames are the wire's own.
 
     Raises:
@@ -31,20 +31,20 @@ def run_over_socket(task: Task) -> Trajectory:
         TimeoutError: drive.py does not answer.
         OSError: the clip cannot be written.
     """
-    simulator = simulator_at(task)
+    simulator = simulator_at(request)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with _serving(task, folder) as (process, port):
-            trajectory = _be_driven(simulator, task, process, port, folder)
-        if task.clip is not None:
-            film(folder / "run", task.clip)
+        with _serving(request, folder) as (process, port):
+            trajectory = _be_driven(simulator, request, process, port, folder)
+        if request.clip is not None:
+            film(folder / "run", request.clip)
     return trajectory
 
 
 def _be_driven(
-    simulator: Simulator, task: Task, process: "subprocess.Popen[str]", port: int, folder: Path
+    simulator: Simulator, request: DriveRequest, process: "subprocess.Popen[str]", port: int, folder: Path
 ) -> Trajectory:
-    referee = Referee(simulator.episode, task.setup.laps, task.setup.speed.speed)
+    referee = Referee(simulator.episode, request.conditions.laps, request.conditions.speed.speed)
     client = Client(
         simulator.episode,
         lambda _: simulator.look()["center"],
@@ -68,13 +68,13 @@ def _be_driven(
 
 
 @contextmanager
-def _serving(task: Task, folder: Path) -> Iterator[tuple["subprocess.Popen[str]", int]]:
+def _serving(request: DriveRequest, folder: Path) -> Iterator[tuple["subprocess.Popen[str]", int]]:
     """drive.py, once it is ready, and its port; it ends with the block."""
     port = _free_port()
     with (
         (folder / LAST_WORDS).open("w") as words,
         subprocess.Popen(
-            _command(task, folder, port),
+            _command(request, folder, port),
             stdout=subprocess.PIPE,
             stderr=words,
             text=True,
@@ -94,15 +94,17 @@ def _serving(task: Task, folder: Path) -> Iterator[tuple["subprocess.Popen[str]"
                 process.kill()
 
 
-def _command(task: Task, folder: Path, port: int) -> list[str]:
-    if not isinstance(task.driver, ModelDriver):
+def _command(request: DriveRequest, folder: Path, port: int) -> list[str]:
+    if not isinstance(request.driver, ModelPolicy):
         raise ValueError("--socket: drive.py needs a model file")
-    run = [str(folder / "run")] if task.clip is not None else []
+    run = [str(folder / "run")] if request.clip is not None else []
     options = [
-        word for name, value in asdict(task.setup.speed).items() for word in (f"--{name.replace('_', '-')}", str(value))
+        word
+        for name, value in asdict(request.conditions.speed).items()
+        for word in (f"--{name.replace('_', '-')}", str(value))
     ]
     clock = ["--frame-seconds", str(TICKS_PER_ANSWER * TICK)]
-    return [sys.executable, str(DRIVE_PY), str(task.driver.path), *run, "--port", str(port), *clock, *options]
+    return [sys.executable, str(DRIVE_PY), str(request.driver.path), *run, "--port", str(port), *clock, *options]
 
 
 def _free_port() -> int:

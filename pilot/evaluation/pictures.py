@@ -30,14 +30,14 @@ def draw_trajectories(title: str, track: Track, trajectories: Sequence[Trajector
     figure.suptitle(headline(title, scores), fontsize=12)
     _draw_road(above, track)
     draw_paths(figure, above, trajectories)
-    _draw_offsets(along, track, trajectories)
+    _draw_cross_track_errors(along, track, trajectories)
     return figure
 
 
 def headline(title: str, scores: Scores, place: str = LANE) -> str:
     """What came of it in one line; `place` is where the car should be."""
     text = f"{scores.interventions} intervention{'s' * (scores.interventions != 1)}, autonomy {scores.autonomy:.1f} %"
-    return f"{title}: {text}, {scores.offset_mean:.2f} m beside {place} on average"
+    return f"{title}: {text}, {scores.cross_track_mean:.2f} m beside {place} on average"
 
 
 def _draw_road(axis: Axes, track: Track) -> None:
@@ -65,7 +65,7 @@ def draw_paths(figure: Figure, axis: Axes, trajectories: Sequence[Trajectory], p
         segments = np.stack([trajectory.positions[:-1], trajectory.positions[1:]], 1)
         continuous = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1) < JUMP
         lines = LineCollection(list(segments[continuous]), cmap="plasma", linewidth=1.6, capstyle="round")
-        lines.set_array(np.abs(trajectory.offsets[1:][continuous]))
+        lines.set_array(np.abs(trajectory.cross_track_errors[1:][continuous]))
         lines.set_clim(0, FAR_OUT)
         axis.add_collection(lines)
     figure.colorbar(lines, ax=axis, label=f"metres beside {place}", extend="max", shrink=0.8, pad=0.02)
@@ -94,7 +94,7 @@ def draw_paths(figure: Figure, axis: Axes, trajectories: Sequence[Trajectory], p
         axis.legend(loc="best", fontsize=9)
 
 
-def _draw_offsets(axis: Axes, track: Track, trajectories: Sequence[Trajectory]) -> None:
+def _draw_cross_track_errors(axis: Axes, track: Track, trajectories: Sequence[Trajectory]) -> None:
     places = np.arange(len(track.points)) * track.length / len(track.points)
     lowest, highest = (side * (track.half_widths - HALF_TRACK) - track.lane for side in (-1, 1))
     axis.fill_between(places, lowest, highest, color=ASPHALT, linewidth=0, label="all wheels on the road")
@@ -102,7 +102,9 @@ def _draw_offsets(axis: Axes, track: Track, trajectories: Sequence[Trajectory]) 
     for number, trajectory in enumerate(trajectories):
         place = track.locate(*trajectory.positions[0]).progress + trajectory.progress
         for part in _pieces(trajectory, place // track.length):
-            axis.plot(place[part] % track.length, trajectory.offsets[part], color=f"C{number % 10}", linewidth=1.1)
+            axis.plot(
+                place[part] % track.length, trajectory.cross_track_errors[part], color=f"C{number % 10}", linewidth=1.1
+            )
         mark_interventions(axis, place % track.length, trajectory)
     # seen in the direction of driving: left is up
     axis.set(xlim=(0, track.length), ylim=(highest.max() + MARGIN, lowest.min() - MARGIN))
@@ -119,7 +121,7 @@ def mark_interventions(axis: Axes, along: Array, trajectory: Trajectory) -> None
         marker, colour = REASONS[each.reason]
         axis.plot(
             along[index],
-            trajectory.offsets[index],
+            trajectory.cross_track_errors[index],
             marker,
             color=colour,
             markersize=8,

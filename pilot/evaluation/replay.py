@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from pilot.data.frames import Frame
-from pilot.driving.driver import Steer
+from pilot.driving.driver import SteeringPolicy
 from pilot.evaluation.reference_path import (
     Array,
     Line,
@@ -64,7 +64,7 @@ class ReplayConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class ReplayStep:
     """What is shown to the model.
 
     Attributes:
@@ -78,16 +78,16 @@ class Moment:
     frame: Frame
     offset: float
     heading: float
-    beside: float
-    turned: float
+    lateral_shift: float
+    heading_shift: float
 
 
-Watch = Callable[[Moment], None]
+Watch = Callable[[ReplayStep], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
-    """A stretch of a recording that was driven without a break, with what it takes to replay it.
+class ReplaySegment:
+    """A part of a recording that was driven without a break, with what it takes to replay it.
 
     Attributes:
         rows: of the log.
@@ -121,12 +121,12 @@ class Replayable:
     """A recording, prepared for any number of models.
 
     Attributes:
-        stretches: driven without a break.
+        segments: driven without a break.
         reference: what a car is measured against: its usual place on the road, or the smoothed path of the driver.
         clarity: 0..1, how clearly the road was seen.
     """
 
-    stretches: tuple[Stretch, ...]
+    segments: tuple[ReplaySegment, ...]
     reference: Reference
     clarity: float
 
@@ -147,21 +147,23 @@ def prepare(rows: pd.DataFrame) -> Replayable:
     if clarity < UNCLEAR:
         return Replayable(tuple(map(along_path, parts, motions)), "path", clarity)
     lane = float(np.median(np.concatenate([road.line.offsets for road in roads])))
-    stretches = [
-        Stretch(part, motion, road.line, road.half_widths, lane)
+    segments = [
+        ReplaySegment(part, motion, road.line, road.half_widths, lane)
         for part, motion, road in zip(parts, motions, roads, strict=True)
     ]
-    return Replayable(tuple(stretches), "road", clarity)
+    return Replayable(tuple(segments), "road", clarity)
 
 
-def along_path(rows: pd.DataFrame, motion: Motion) -> Stretch:
-    """A stretch whose reference is the driver's own path, smoothed as roads are smooth."""
+def along_path(rows: pd.DataFrame, motion: Motion) -> ReplaySegment:
+    """A segment whose reference is the driver's own path, smoothed as roads are smooth."""
     count = len(rows)
-    return Stretch(rows, motion, fit_line(motion, np.zeros(count), np.full(count, PATH_SPREAD)), np.full(count, np.inf))
+    return ReplaySegment(
+        rows, motion, fit_line(motion, np.zeros(count), np.full(count, PATH_SPREAD)), np.full(count, np.inf)
+    )
 
 
 def replay(
-    recording: Replayable, steer: Steer, config: ReplayConfig = ReplayConfig(), watch: Watch = lambda _: None
+    recording: Replayable, steer: SteeringPolicy, config: ReplayConfig = ReplayConfig(), watch: Watch = lambda _: None
 ) -> list[Trajectory]:
     """Replay a recording.
 
@@ -172,33 +174,35 @@ def replay(
         watch: is shown each moment before the model steers.
 
     Returns:
-        what the replayed car did in each stretch.
+        what the replayed car did in each segment.
 
     Raises:
         ValueError: an option's value makes no sense.
     """
     config.check()
     limit = LIMITS[recording.reference] if config.limit is None else config.limit
-    return [_replay(stretch, steer, limit, config.start, watch) for stretch in recording.stretches]
+    return [_replay(segment, steer, limit, config.start, watch) for segment in recording.segments]
 
 
-def _replay(stretch: Stretch, steer: Steer, limit: float, start: float | None, watch: Watch) -> Trajectory:
-    car = _Car(stretch)
+def _replay(
+    segment: ReplaySegment, steer: SteeringPolicy, limit: float, start: float | None, watch: Watch
+) -> Trajectory:
+    car = _Car(segment)
     if start is not None:
         car.put(start)
     offsets, headings, commands, failed = [], [], [], []
-    lowest, highest = stretch.allowed(limit)
-    for index, (_, row) in enumerate(stretch.rows.iterrows()):
+    lowest, highest = segment.allowed(limit)
+    for index, (_, row) in enumerate(segment.rows.iterrows()):
         offsets.append(car.offset)
         headings.append(car.heading)
         if not lowest[index] <= car.offset <= highest[index]:
             failed.append(index)
             car.put(0.0)
-        frame = view({name: row[name] for name in CAMERAS}, car.beside, car.turned)
-        watch(Moment(row, frame, car.offset, car.heading, car.beside, car.turned))
+        frame = view({name: row[name] for name in CAMERAS}, car.lateral_shift, car.heading_shift)
+        watch(ReplayStep(row, frame, car.offset, car.heading, car.lateral_shift, car.heading_shift))
         commands.append(min(max(steer(frame), -1.0), 1.0))
         car.advance(commands[-1])
-    return _trajectory(stretch, np.array(offsets), np.array(headings), np.array(commands), failed)
+    return _trajectory(segment, np.array(offsets), np.array(headings), np.array(commands), failed)
 
 
 class _Car:
@@ -209,39 +213,42 @@ class _Car:
     taken as small, and so are their distances against the radius of a bend.
     """
 
-    def __init__(self, stretch: Stretch) -> None:
-        self._stretch, self._index = stretch, 0
-        self.beside, self.turned = 0.0, 0.0  # metres and radians to the right of the recorded car
+    def __init__(self, segment: ReplaySegment) -> None:
+        self._segment, self._index = segment, 0
+        self.lateral_shift, self.heading_shift = 0.0, 0.0  # metres and radians to the right of the recorded car
 
     @property
     def offset(self) -> float:
         """Metres to the right of where it should be."""
-        return float(self._stretch.driver[self._index]) + self.beside
+        return float(self._segment.driver[self._index]) + self.lateral_shift
 
     @property
     def heading(self) -> float:
         """Radians to the right of the road's direction."""
-        return float(self._stretch.line.headings[self._index]) + self.turned
+        return float(self._segment.line.headings[self._index]) + self.heading_shift
 
     def put(self, offset: float) -> None:
         """Put it `offset` metres to the right of where it should be, along the road."""
-        self.beside, self.turned = self.beside + offset - self.offset, self.turned - self.heading
+        self.lateral_shift, self.heading_shift = (
+            self.lateral_shift + offset - self.offset,
+            self.heading_shift - self.heading,
+        )
 
     def advance(self, steering: float) -> None:
         """Drive to the next row, unless this is the last."""
-        motion, index = self._stretch.motion, self._index
+        motion, index = self._segment.motion, self._index
         speed, step = float(motion.speeds[index]), float(motion.steps[index])
         turn = (path_curvature(steering, speed) - float(motion.curvatures[index])) * step
-        self.beside += (self.turned + turn / 2) * step
-        self.turned += turn
+        self.lateral_shift += (self.heading_shift + turn / 2) * step
+        self.heading_shift += turn
         self._index = min(index + 1, len(motion.steps) - 1)
 
 
 def _trajectory(
-    stretch: Stretch, offsets: Array, headings: Array, steering: Array, failed: Sequence[int]
+    segment: ReplaySegment, offsets: Array, headings: Array, steering: Array, failed: Sequence[int]
 ) -> Trajectory:
     """The drive as the simulator's are described; its map begins northwards at the origin."""
-    motion, bends = stretch.motion, stretch.line.curvatures
+    motion, bends = segment.motion, segment.line.curvatures
     times, progress = _before(motion.seconds), _before(motion.steps)
     compass = _before(bends * motion.steps)
     right = np.stack([np.cos(compass), -np.sin(compass)], axis=1)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from pilot.evaluation.pictures import ASPHALT, GROUND, draw_paths, headline, mark_interventions, side_of_road
-from pilot.evaluation.replay import LIMITS, Reference, Replayable, Stretch
+from pilot.evaluation.replay import LIMITS, Reference, Replayable, ReplaySegment
 from pilot.evaluation.scores import Array, Scores, Trajectory
 
 BREAK = 20.0  # metres on the drawn axis between two stretches
@@ -26,10 +26,10 @@ def draw_replay(title: str, recording: Replayable, trajectories: Sequence[Trajec
     axes["above"].autoscale_view()
     axes["above"].set_facecolor(GROUND)
     begin = 0.0
-    for stretch, trajectory in zip(recording.stretches, trajectories, strict=True):
+    for segment, trajectory in zip(recording.segments, trajectories, strict=True):
         along = begin + trajectory.progress
-        _draw_offsets(axes["offsets"], along, stretch, trajectory, LIMITS[recording.reference])
-        _draw_steering(axes["steering"], along, stretch, trajectory)
+        _draw_cross_track_errors(axes["offsets"], along, segment, trajectory, LIMITS[recording.reference])
+        _draw_steering(axes["steering"], along, segment, trajectory)
         begin = float(along[-1]) + BREAK
     _finish(axes["offsets"], axes["steering"], f"metres beside {place}")
     return figure
@@ -45,15 +45,17 @@ def _side_by_side(trajectories: Sequence[Trajectory]) -> list[Trajectory]:
     return moved
 
 
-def _draw_offsets(axis: Axes, along: Array, stretch: Stretch, trajectory: Trajectory, limit: float) -> None:
-    axis.fill_between(along, *stretch.allowed(limit), color=ASPHALT, linewidth=0)
-    axis.plot(along, stretch.driver, color="#555555", linewidth=0.9, linestyle="--")
-    axis.plot(along, trajectory.offsets, color="C0", linewidth=1.1)
+def _draw_cross_track_errors(
+    axis: Axes, along: Array, segment: ReplaySegment, trajectory: Trajectory, limit: float
+) -> None:
+    axis.fill_between(along, *segment.allowed(limit), color=ASPHALT, linewidth=0)
+    axis.plot(along, segment.driver, color="#555555", linewidth=0.9, linestyle="--")
+    axis.plot(along, trajectory.cross_track_errors, color="C0", linewidth=1.1)
     mark_interventions(axis, along, trajectory)
 
 
-def _draw_steering(axis: Axes, along: Array, stretch: Stretch, trajectory: Trajectory) -> None:
-    axis.plot(along, stretch.rows["steering"], color="#999999", linewidth=0.8)
+def _draw_steering(axis: Axes, along: Array, segment: ReplaySegment, trajectory: Trajectory) -> None:
+    axis.plot(along, segment.rows["steering"], color="#999999", linewidth=0.8)
     axis.plot(along, trajectory.steering, color="C0", linewidth=1.0)
 
 

@@ -54,7 +54,7 @@ class Trajectory:
         speeds: n, mph.
         steering: n, -1..1.
         progress: n, metres along the road.
-        offsets: n, metres to the right of where the car should be.
+        cross_track_errors: n, metres to the right of where the car should be.
         heading_errors: n, radians to the right of where it should point.
         interventions: in order of time.
         lap: metres of a lap; None where there are no laps.
@@ -65,7 +65,7 @@ class Trajectory:
     speeds: Array
     steering: Array
     progress: Array
-    offsets: Array
+    cross_track_errors: Array
     heading_errors: Array
     interventions: tuple[Intervention, ...] = ()
     lap: float | None = None
@@ -83,7 +83,7 @@ class Trajectory:
             column("speed"),
             column("steering"),
             column("progress"),
-            column("offset"),
+            column("cross_track_error"),
             column("heading_error"),
             tuple(interventions),
             lap,
@@ -132,7 +132,8 @@ class Scores:
         distance: metres made good along the road.
         laps: laps driven; lap_time: s, mean of the whole ones. None where there are none.
         interventions: times that the car had to be put back.
-        offset_mean, offset_p95, offset_max: metres to either side of where it should be: mean, 95th percentile, most.
+        cross_track_mean, cross_track_p95, cross_track_max: absolute cross-track error, metres: mean, 95th percentile,
+            maximum.
         heading_error: degrees to either side of where it should point, mean.
         steering_rate: mean absolute change of the steering (-1..1) per second, looked at each 0.1 s.
         steering_jerk: mean absolute change of that rate per second, in 1/s².
@@ -147,9 +148,9 @@ class Scores:
     laps: float | None
     lap_time: float | None
     interventions: int
-    offset_mean: float
-    offset_p95: float
-    offset_max: float
+    cross_track_mean: float
+    cross_track_p95: float
+    cross_track_max: float
     heading_error: float
     steering_rate: float
     steering_jerk: float
@@ -202,7 +203,7 @@ def measure(title: str, trajectories: Sequence[Trajectory]) -> Scores:
     """
     if not trajectories:
         raise ValueError(f"{title}: nothing was driven")
-    offsets = np.abs(np.concatenate([trajectory.offsets for trajectory in trajectories]))
+    offsets = np.abs(np.concatenate([trajectory.cross_track_errors for trajectory in trajectories]))
     headings = np.abs(np.concatenate([trajectory.heading_errors for trajectory in trajectories]))
     lap_times = [seconds for trajectory in trajectories for seconds in trajectory.lap_times]
     laps = [trajectory.distance / trajectory.lap for trajectory in trajectories if trajectory.lap is not None]
@@ -216,9 +217,9 @@ def measure(title: str, trajectories: Sequence[Trajectory]) -> Scores:
         laps=sum(laps) if laps else None,
         lap_time=_mean(lap_times) if lap_times else None,
         interventions=sum(len(trajectory.interventions) for trajectory in trajectories),
-        offset_mean=_mean(offsets),
-        offset_p95=float(np.percentile(offsets, 95)),
-        offset_max=float(offsets.max()),
+        cross_track_mean=_mean(offsets),
+        cross_track_p95=float(np.percentile(offsets, 95)),
+        cross_track_max=float(offsets.max()),
         heading_error=math.degrees(_mean(headings)),
         steering_rate=_mean(np.abs(np.concatenate(rates))),
         steering_jerk=_mean(np.abs(np.concatenate([np.diff(rate) for rate in rates])) / SAMPLED_SECONDS),

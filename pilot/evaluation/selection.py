@@ -5,9 +5,9 @@ import functools
 import numpy as np
 import pandas as pd
 
-from pilot.driving.driver import Steer
+from pilot.driving.driver import SteeringPolicy
 from pilot.evaluation.closed_loop import drive_laps
-from pilot.evaluation.plan import Setup
+from pilot.evaluation.conditions import Conditions
 from pilot.evaluation.replay import Replayable, prepare, replay
 from pilot.evaluation.scores import Trajectory
 from pilot.simulator.simulator import Simulator
@@ -15,26 +15,26 @@ from pilot.training.trainer import DrivingCheck
 
 # roads that are in no demonstration; another seed of the start place for each
 ROADS = tuple(f"random:{seed}" for seed in range(2000, 2006))
-SHORT = Setup(laps=0.2)
+SHORT = Conditions(laps=0.2)
 
 
 def driving_check() -> DrivingCheck:
-    """Drives a part of each of some built-in roads: interventions, and mean offset in metres."""
+    """Drives a part of each of some built-in roads: interventions, and mean cross-track error in metres."""
     simulator = Simulator()
 
-    def check(steer: Steer) -> tuple[int, float]:
+    def check(steer: SteeringPolicy) -> tuple[int, float]:
         return _sum_up([_drive(simulator, road, number, steer) for number, road in enumerate(ROADS)])
 
     return check
 
 
-def _drive(simulator: Simulator, road: str, start: int, steer: Steer) -> Trajectory:
+def _drive(simulator: Simulator, road: str, start: int, steer: SteeringPolicy) -> Trajectory:
     simulator.reset(road, start)
     return drive_laps(simulator.episode, lambda _: simulator.look()["center"], steer, SHORT)
 
 
 def replay_check(rows: pd.DataFrame) -> DrivingCheck:
-    """Replays rows of a log: interventions, and mean offset in metres.
+    """Replays rows of a log: interventions, and mean cross-track error in metres.
 
     Raises:
         UnusableRecording: they cannot be replayed.
@@ -42,10 +42,10 @@ def replay_check(rows: pd.DataFrame) -> DrivingCheck:
     return functools.partial(_replay, prepare(rows))
 
 
-def _replay(recording: Replayable, steer: Steer) -> tuple[int, float]:
+def _replay(recording: Replayable, steer: SteeringPolicy) -> tuple[int, float]:
     return _sum_up(replay(recording, steer))
 
 
 def _sum_up(trajectories: list[Trajectory]) -> tuple[int, float]:
-    offsets = np.concatenate([episode.offsets for episode in trajectories])
-    return sum(len(episode.interventions) for episode in trajectories), float(np.abs(offsets).mean())
+    errors = np.concatenate([each.cross_track_errors for each in trajectories])
+    return sum(len(each.interventions) for each in trajectories), float(np.abs(errors).mean())

@@ -17,14 +17,14 @@ COLUMNS = {
     "speed": ("mph", ".1f"),
     "interventions": ("interventions", "d"),
     "autonomy": ("autonomy, %", ".1f"),
-    "offset_mean": ("offset, m", ".2f"),
-    "offset_p95": ("95 %", ".2f"),
-    "offset_max": ("most", ".2f"),
+    "cross_track_mean": ("cross-track, m", ".2f"),
+    "cross_track_p95": ("95 %", ".2f"),
+    "cross_track_max": ("most", ".2f"),
     "heading_error": ("heading, °", ".1f"),
     "steering_rate": ("steering, 1/s", ".2f"),
     "steering_jerk": ("jerk, 1/s²", ".1f"),
 }
-COMPARED = ("interventions", "autonomy", "offset_mean", "steering_rate")  # of several models side by side
+COMPARED = ("interventions", "autonomy", "cross_track_mean", "steering_rate")  # of several models side by side
 
 
 @dataclass(frozen=True)
@@ -79,13 +79,13 @@ def _between(interval: Interval) -> str:
     return f"95 % confidence: {interval[0]:.1f} to {interval[1]:.1f} %"
 
 
-def write_json(path: Path, evaluations: Sequence[Evaluation], setup: dict[str, Any]) -> None:
+def write_json(path: Path, evaluations: Sequence[Evaluation], options: dict[str, Any]) -> None:
     """Write evaluations, and what they were made with, whole or not at all.
 
     Raises:
         OSError: the folder cannot be written to.
     """
-    content = {"setup": setup, "evaluations": [_to_jsonable(evaluation) for evaluation in evaluations]}
+    content = {"options": options, "evaluations": [_to_jsonable(evaluation) for evaluation in evaluations]}
     text = json.dumps(content, indent=2, allow_nan=False, default=str)
     write_atomically(path, lambda file: file.write(text.encode()))
 

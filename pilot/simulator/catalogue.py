@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pilot.simulator.course import LIGHTS, Colour, Course, Grain, Look, Plant, Roadside, Stretch
+from pilot.simulator.course import LIGHTS, Colour, Course, Grain, Look, Plant, Roadside, RoadsideSection
 from pilot.simulator.track import REVERSED, Array, Track, closed_road
 
 NAMED = ("lake", "jungle", "mountain")
@@ -107,21 +107,21 @@ def load_track(name: str) -> Track:
 def lake() -> Course:
     """After the simulator's first track: wide bends round a lake, one sharp left and one sharp right, a bridge."""
     corners = np.array(LAKE, float) * (1.155, 1.155, 1)
-    stretches = (
-        Stretch("water", 0.06, 0.33, -1),
-        Stretch("hill", 0.02, 0.2, 1),
-        Stretch("cliff", 0.22, 0.29, 1),
-        Stretch("bridge", 0.53, 0.575),
-        Stretch("water", 0.515, 0.6),
-        Stretch("grove", 0.62, 0.72, 1),
-        Stretch("dirt", 0.425, 0.485, 1),
-        Stretch("dirt", 0.68, 0.74, -1),
-        Stretch("hill", 0.36, 0.43, 1),
-        Stretch("hill", 0.75, 0.88, 1),
-        Stretch("water", 0.8, 0.93, -1),
-        Stretch("cliff", 0.9, 0.95, 1),
+    roadside = (
+        RoadsideSection("water", 0.06, 0.33, -1),
+        RoadsideSection("hill", 0.02, 0.2, 1),
+        RoadsideSection("cliff", 0.22, 0.29, 1),
+        RoadsideSection("bridge", 0.53, 0.575),
+        RoadsideSection("water", 0.515, 0.6),
+        RoadsideSection("grove", 0.62, 0.72, 1),
+        RoadsideSection("dirt", 0.425, 0.485, 1),
+        RoadsideSection("dirt", 0.68, 0.74, -1),
+        RoadsideSection("hill", 0.36, 0.43, 1),
+        RoadsideSection("hill", 0.75, 0.88, 1),
+        RoadsideSection("water", 0.8, 0.93, -1),
+        RoadsideSection("cliff", 0.9, 0.95, 1),
     )
-    return Course(closed_road("lake", corners, 4.8), Look(paint_inside=1.15, trees=26), "noon", stretches, 1, 1.0)
+    return Course(closed_road("lake", corners, 4.8), Look(paint_inside=1.15, trees=26), "noon", roadside, 1, 1.0)
 
 
 def jungle() -> Course:
@@ -141,23 +141,23 @@ def jungle() -> Course:
         relief=10,
         verge=1.5,
     )
-    stretches = (
-        Stretch("cliff", 0.04, 0.16, 1),
-        Stretch("drop", 0.06, 0.18, -1),
-        Stretch("cliff", 0.2, 0.28, -1),
-        Stretch("drop", 0.26, 0.36, 1),
-        Stretch("cliff", 0.33, 0.42, -1),
-        Stretch("hill", 0.42, 0.5, 1),
-        Stretch("grove", 0.45, 0.56, -1),
-        Stretch("cliff", 0.52, 0.6, 1),
-        Stretch("drop", 0.56, 0.64, -1),
-        Stretch("cliff", 0.66, 0.78, 1),
-        Stretch("grove", 0.7, 0.8, -1),
-        Stretch("cliff", 0.8, 0.88, -1),
-        Stretch("drop", 0.82, 0.9, 1),
-        Stretch("cliff", 0.93, 0.99, 1),
+    roadside = (
+        RoadsideSection("cliff", 0.04, 0.16, 1),
+        RoadsideSection("drop", 0.06, 0.18, -1),
+        RoadsideSection("cliff", 0.2, 0.28, -1),
+        RoadsideSection("drop", 0.26, 0.36, 1),
+        RoadsideSection("cliff", 0.33, 0.42, -1),
+        RoadsideSection("hill", 0.42, 0.5, 1),
+        RoadsideSection("grove", 0.45, 0.56, -1),
+        RoadsideSection("cliff", 0.52, 0.6, 1),
+        RoadsideSection("drop", 0.56, 0.64, -1),
+        RoadsideSection("cliff", 0.66, 0.78, 1),
+        RoadsideSection("grove", 0.7, 0.8, -1),
+        RoadsideSection("cliff", 0.8, 0.88, -1),
+        RoadsideSection("drop", 0.82, 0.9, 1),
+        RoadsideSection("cliff", 0.93, 0.99, 1),
     )
-    return Course(closed_road("jungle", np.array(JUNGLE, float), 4.8, lane=2.3), look, "noon", stretches, seed=2)
+    return Course(closed_road("jungle", np.array(JUNGLE, float), 4.8, lane=2.3), look, "noon", roadside, seed=2)
 
 
 def mountain() -> Course:
@@ -176,18 +176,18 @@ def mountain() -> Course:
         relief=14,
         verge=2.5,
     )
-    stretches = (
-        Stretch("cliff", 0.03, 0.2, 1),
-        Stretch("drop", 0.08, 0.22, -1),
-        Stretch("cliff", 0.26, 0.4, -1),
-        Stretch("drop", 0.28, 0.38, 1),
-        Stretch("cliff", 0.44, 0.6, 1),
-        Stretch("hill", 0.44, 0.56, -1),
-        Stretch("cliff", 0.62, 0.72, -1),
-        Stretch("drop", 0.64, 0.8, 1),
-        Stretch("cliff", 0.84, 0.96, 1),
+    roadside = (
+        RoadsideSection("cliff", 0.03, 0.2, 1),
+        RoadsideSection("drop", 0.08, 0.22, -1),
+        RoadsideSection("cliff", 0.26, 0.4, -1),
+        RoadsideSection("drop", 0.28, 0.38, 1),
+        RoadsideSection("cliff", 0.44, 0.6, 1),
+        RoadsideSection("hill", 0.44, 0.56, -1),
+        RoadsideSection("cliff", 0.62, 0.72, -1),
+        RoadsideSection("drop", 0.64, 0.8, 1),
+        RoadsideSection("cliff", 0.84, 0.96, 1),
     )
-    return Course(closed_road("mountain", np.array(MOUNTAIN, float), 3.6), look, "overcast", stretches, seed=3)
+    return Course(closed_road("mountain", np.array(MOUNTAIN, float), 3.6), look, "overcast", roadside, seed=3)
 
 
 # Random courses
@@ -209,7 +209,7 @@ def random_course(seed: int) -> Course:
         wide = track.half_widths.min() > NARROWEST_LANES
         track, look = (replace(track, lane=2.2), look) if wide else (track, replace(look, middle_line=None))
     light = str(random.choice(list(LIGHTS)))
-    return Course(track, look, light, _random_stretches(random), seed=1000 + seed)
+    return Course(track, look, light, _random_roadside(random), seed=1000 + seed)
 
 
 def _random_track(name: str, random: np.random.Generator) -> Track:
@@ -261,15 +261,15 @@ def _colour(values: Array) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def _random_stretches(random: np.random.Generator) -> tuple[Stretch, ...]:
-    stretches = []
+def _random_roadside(random: np.random.Generator) -> tuple[RoadsideSection, ...]:
+    roadside = []
     for side in (-1, 1):
         start = float(random.uniform(0, 0.1))
         while start < 0.9:
             length = float(random.uniform(0.04, 0.14))
-            stretches.append(Stretch(SIDES[random.integers(len(SIDES))], start, min(start + length, 0.98), side))
+            roadside.append(RoadsideSection(SIDES[random.integers(len(SIDES))], start, min(start + length, 0.98), side))
             start += length + float(random.uniform(0.02, 0.15))
     if random.uniform() < 0.5:
         start = float(random.uniform(0.1, 0.8))
-        stretches.append(Stretch("bridge", start, start + 0.05))
-    return tuple(stretches)
+        roadside.append(RoadsideSection("bridge", start, start + 0.05))
+    return tuple(roadside)

@@ -17,7 +17,7 @@ RAMP = 12.0  # metres in which one kind of roadside goes over into the next
 
 
 @dataclass(frozen=True)
-class Stretch:
+class RoadsideSection:
     """A part of the road that has something beside it.
 
     Attributes:
@@ -92,7 +92,7 @@ class Course:
         track: the road, in the direction that it was laid out in.
         look: colours and kinds.
         light: name of its usual light, a key of LIGHTS.
-        stretches: what lies beside it.
+        roadside: what lies beside it.
         seed: of everything random in its surroundings.
         water: metres, height of a lake; None where there is none.
     """
@@ -100,7 +100,7 @@ class Course:
     track: Track
     look: Look
     light: str = "noon"
-    stretches: tuple[Stretch, ...] = ()
+    roadside: tuple[RoadsideSection, ...] = ()
     seed: int = 0
     water: float | None = None
 
@@ -116,10 +116,10 @@ class Course:
         return self._within("bridge", {-1, 0, 1})
 
     def _within(self, kind: Roadside, sides: set[int]) -> NDArray[np.bool_]:
-        """Which of the track's points lie within a stretch of a kind on one of some sides."""
+        """Which of the track's points lie within a section of a kind on one of some sides."""
         shares = np.arange(len(self.track.points)) / len(self.track.points)
         within = np.zeros(len(shares), bool)
-        for stretch in self.stretches:
-            if stretch.kind == kind and stretch.side in sides:
-                within |= (shares >= stretch.start) & (shares < stretch.end)
+        for section in self.roadside:
+            if section.kind == kind and section.side in sides:
+                within |= (shares >= section.start) & (shares < section.end)
         return within

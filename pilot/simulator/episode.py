@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from pilot.simulator.car import Car
-from pilot.simulator.track import Place, Track
+from pilot.simulator.track import Track, TrackPosition
 from pilot.vehicle import MPH, TICK, WHEELBASE
 
 
@@ -18,7 +18,7 @@ class CarState:
         speed: mph, negative backwards.
         steering, throttle: -1..1, the last command.
         progress: metres along the road since the start; grows over laps, falls when driving back.
-        offset: metres to the right of the lane that the car should keep.
+        cross_track_error: metres to the right of the lane that the car should keep.
         heading_error: radians by which it points to the right of the road.
         on_road: whether all four wheels touch the road.
     """
@@ -31,7 +31,7 @@ class CarState:
     steering: float
     throttle: float
     progress: float
-    offset: float
+    cross_track_error: float
     heading_error: float
     on_road: bool
 
@@ -78,9 +78,9 @@ class Episode:
         return self.state
 
     def _find(self, near: float) -> None:
-        self.where: Place = self.track.locate(self.car.x, self.car.y, near)
+        self.where: TrackPosition = self.track.locate(self.car.x, self.car.y, near)
         places = [self.track.locate(x, y, self.where.progress) for x, y in self.car.wheels()]
-        self.on_road = all(abs(place.offset) <= place.half_width for place in places)
+        self.on_road = all(abs(place.lateral_offset) <= place.half_width for place in places)
         self.slope = (places[2].height + places[3].height - places[0].height - places[1].height) / 2 / WHEELBASE
 
     @property
@@ -97,7 +97,7 @@ class Episode:
             steering,
             throttle,
             self.progress,
-            self.where.offset - self.track.lane,
+            self.where.lateral_offset - self.track.lane,
             error,
             self.on_road,
         )

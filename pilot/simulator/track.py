@@ -23,19 +23,19 @@ TIGHTEST = 12.0  # metres, radius of a bend; the car's own least is 6.2
 
 
 @dataclass(frozen=True)
-class Place:
+class TrackPosition:
     """Where on a road something stands.
 
     Attributes:
         progress: metres along the middle line from the start, within 0..length.
-        offset: metres to the right of the middle line.
+        lateral_offset: metres to the right of the middle line.
         heading: radians, of the road there.
         half_width: metres from the middle line to the road's edge.
         height: metres, of the road there.
     """
 
     progress: float
-    offset: float
+    lateral_offset: float
     heading: float
     half_width: float
     height: float
@@ -93,7 +93,7 @@ class Track:
             half_widths=self.half_widths[::-1],
         )
 
-    def locate(self, x: float, y: float, near: float | None = None) -> Place:
+    def locate(self, x: float, y: float, near: float | None = None) -> TrackPosition:
         """The place of a point.
 
         Args:
@@ -106,7 +106,7 @@ class Track:
         east, north = x - point_x, y - point_y
         along = east * math.sin(heading) + north * math.cos(heading)
         offset = east * math.cos(heading) - north * math.sin(heading)
-        return Place(
+        return TrackPosition(
             (index * STEP + along) % self.length,
             offset,
             heading + along * curvature,

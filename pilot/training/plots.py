@@ -118,7 +118,7 @@ def training_curves(history: Sequence[dict[str, float]], best_epoch: int, baseli
     Where the epochs were driven, too, how well they drove.
     """
     table = pd.DataFrame(history)
-    driven = "offset" in table
+    driven = "cross_track_error" in table
     figure = Figure((8, 7.5 if driven else 4.5), layout="constrained")
     axes = figure.subplots(1 + driven, squeeze=False)[:, 0]
     axes[0].plot(table["epoch"], table["training_mse"], "o-", label="training (augmented)")
@@ -127,7 +127,9 @@ def training_curves(history: Sequence[dict[str, float]], best_epoch: int, baseli
     axes[0].set(ylabel="mean squared error of the steering", yscale="log")
     if driven:
         axes[1].bar(table["epoch"], table["interventions"], color="tab:red", alpha=0.4, label="interventions")
-        axes[1].plot(table["epoch"], table["offset"], "o-", color="tab:purple", label="mean offset, m")
+        axes[1].plot(
+            table["epoch"], table["cross_track_error"], "o-", color="tab:purple", label="mean cross-track error, m"
+        )
         axes[1].set(ylabel="on short drives", ylim=(0, None))
     for axis in axes:
         axis.axvline(best_epoch, color="tab:green", linestyle=":", label=f"kept: epoch {best_epoch}")

@@ -15,10 +15,11 @@ from pilot.data.frame_cache import FrameCache
 from pilot.data.samples import make_samples
 from pilot.model.checkpoint import Model, load_values, save_model, to_jsonable
 from pilot.model.networks import NETWORKS
+from pilot.progress import ProgressBar, no_bar, terminal_bar
 from pilot.training.distributed import Processes
 from pilot.training.recipes import TrainingConfig
 from pilot.training.report import SMOOTHED_SECONDS, History, ValidationResult, draw_results, draw_samples, measure
-from pilot.training.trainer import DrivingCheck, Progress, Training
+from pilot.training.trainer import DrivingCheck, Training
 
 STATE = "state.pt"
 LOWEST_ERROR = "lowest_error.pt"
@@ -79,7 +80,7 @@ def read_in_turn(config: TrainingConfig, cache: FrameCache, processes: Processes
     """Read the recordings: first the process that leads, then the others, who find all pictures decoded."""
     if not processes.is_main:
         processes.barrier()
-    log = read_driving_logs(config.folders, checking_bar(hidden=not processes.is_main), cache)
+    log = read_driving_logs(config.folders, terminal_bar if processes.is_main else no_bar, cache)
     if processes.is_main:
         processes.barrier()
     return log
@@ -148,16 +149,18 @@ def verdict(training: Training) -> str:
     kept, lowest = training.chosen["epoch"], training.best["epoch"]
     if training.config.select == "error":
         return f"epoch {kept} of {training.epoch} was the best."
-    interventions, offset = training.chosen["error"]
+    interventions, cross_track_error = training.chosen["error"]
     return (
-        f"epoch {kept} of {training.epoch} drove best ({interventions:.0f} interventions, {offset:.2f} m beside "
-        f"its place on average); epoch {lowest} has the lowest error, and is {LOWEST_ERROR} in the folder below.\n"
+        f"epoch {kept} of {training.epoch} drove best ({interventions:.0f} interventions, mean cross-track error "
+        f"{cross_track_error:.2f} m); epoch {lowest} has the lowest error, and is {LOWEST_ERROR} in the folder below.\n"
     )
 
 
 def epoch_line(figures: dict[str, float], epochs: int) -> str:
     """One line about an epoch."""
-    drive = f"{figures['interventions']:.0f} interventions, {figures['offset']:.2f} m, " if "offset" in figures else ""
+    drive = ""
+    if "interventions" in figures:
+        drive = f"{figures['interventions']:.0f} interventions, {figures['cross_track_error']:.2f} m, "
     return (
         f"epoch {figures['epoch']:3.0f}/{epochs}: training MSE {figures['training_mse']:.4f}, "
         f"validation MSE {figures['validation_mse']:.4f}, R² {figures['validation_r2']:+.3f}, {drive}"
@@ -165,12 +168,7 @@ def epoch_line(figures: dict[str, float], epochs: int) -> str:
     )
 
 
-def checking_bar(*, hidden: bool) -> Callable[[Iterable[str], int], Iterable[str]]:
-    """A bar over the pictures while they are checked."""
-    return lambda paths, count: tqdm(paths, "checking pictures", count, leave=False, disable=hidden)
-
-
-def training_bar(*, hidden: bool) -> Progress:
+def training_bar(*, hidden: bool) -> ProgressBar[Batch]:
     """A bar over the batches of an epoch that shows images/s."""
 
     def wrap(batches: Iterable[Batch], images: int, title: str) -> Iterable[Batch]:

@@ -25,19 +25,21 @@ from pilot.data.batches import Batch, BatchLoader, MicroBatch
 from pilot.data.device_augment import augment
 from pilot.data.frame_cache import FrameCache
 from pilot.data.frames import Frame
-from pilot.driving.driver import Steer
+from pilot.driving.driver import SteeringPolicy
 from pilot.files import write_atomically
 from pilot.interrupt import Interrupt, catch_interrupt
 from pilot.model.checkpoint import UnusableModel, load_model, to_jsonable
 from pilot.model.networks import SteeringNetwork, build_network
+from pilot.progress import ProgressBar
 from pilot.training.devices import Cores, autocast, choose_device, keep_memory, micro_batches_of
 from pilot.training.distributed import Processes
 from pilot.training.metrics import Agreement, agreement
 from pilot.training.recipes import TrainingConfig
 
 SAVE_SECONDS = 120  # a power cut costs at most this much work
-DrivingCheck = Callable[[Steer], tuple[int, float]]  # how well it drives: interventions, mean offset in metres
-Progress = Callable[[Iterable[Batch], int, str], Iterable[Batch]]
+DrivingCheck = Callable[
+    [SteeringPolicy], tuple[int, float]
+]  # how well it drives: interventions, mean cross-track error, m
 
 
 class Training:
@@ -99,7 +101,7 @@ class Training:
     # Running
 
     def run(
-        self, on_epoch: Callable[[dict[str, float]], None], progress: Progress, state_file: Path | None = None
+        self, on_epoch: Callable[[dict[str, float]], None], progress: ProgressBar[Batch], state_file: Path | None = None
     ) -> None:
         """Train until early stopping or the last epoch.
 
@@ -123,7 +125,7 @@ class Training:
         """Whether early stopping or the number of epochs ends the training."""
         return self.epoch >= self.config.epochs or self.epoch - self.best["epoch"] >= self.config.patience
 
-    def _batches(self, progress: Progress) -> Iterable[Batch]:
+    def _batches(self, progress: ProgressBar[Batch]) -> Iterable[Batch]:
         batches = self.loader.epoch(self.epoch, self.step)
         left = max(len(self.training) - self.step * self.config.batch_size, 0)
         return progress(batches, left, f"epoch {self.epoch + 1}/{self.config.epochs}")
@@ -220,10 +222,10 @@ class Training:
         drove = torch.zeros(2, dtype=torch.float64, device=self.device)
         if self.driving_check:  # one process drives for all
             drove += torch.tensor(self.driving_check(self.steer), dtype=torch.float64, device=self.device)
-        interventions, offset = self.processes.sum(drove).tolist()
-        self.history[-1] |= {"interventions": interventions, "offset": offset}
-        if (interventions, offset) < self.best_driving["error"]:
-            self.best_driving = self._kept((interventions, offset))
+        interventions, cross_track_error = self.processes.sum(drove).tolist()
+        self.history[-1] |= {"interventions": interventions, "cross_track_error": cross_track_error}
+        if (interventions, cross_track_error) < self.best_driving["error"]:
+            self.best_driving = self._kept((interventions, cross_track_error))
 
     def _kept(self, error: float | tuple[float, float]) -> dict[str, Any]:
         return {"error": error, "epoch": self.epoch, "weights": copy.deepcopy(self.network.state_dict())}

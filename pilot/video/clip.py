@@ -14,11 +14,11 @@ import numpy as np
 from pilot.data.frames import Frame, UnreadableImage, read_frame_as_is
 from pilot.data.log_format import LOG_NAME, LogLine, parse_log, time_of
 from pilot.files import move_when_done
+from pilot.progress import ProgressBar, no_bar
 from pilot.video.overlays import draw_path, draw_speed, draw_wheel
 
 DEFAULT_FPS = 15.0  # where the names of the frames carry no time
 SCALE_TO = 640  # pixels: overlays are legible from this width on
-Progress = Callable[[list[Path]], Iterable[Path]]
 
 
 class NoFramesError(ValueError):
@@ -113,7 +113,7 @@ def make_clip(
     *,
     fps: float | None = None,
     overlays: Overlays | None = None,
-    progress: Progress = lambda frames: frames,
+    progress: ProgressBar[Path] = no_bar,
 ) -> ClipResult:
     """Write the drive in `folder` as a video; frames that cannot be read are left out and counted.
 
@@ -128,7 +128,9 @@ def make_clip(
     """
     frames, result = find_frames(folder), ClipResult()
     rate = fps or frame_rate(frames)
-    pictures = _pictures(progress(frames), result, read_log_entries(folder), overlays or Overlays())
+    pictures = _pictures(
+        progress(frames, len(frames), "encoding"), result, read_log_entries(folder), overlays or Overlays()
+    )
     first = next(pictures, None)
     if first is None:
         raise NoFramesError(f"{folder}: none of its {len(frames)} pictures can be read; record the drive anew")

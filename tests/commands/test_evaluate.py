@@ -18,8 +18,8 @@ import evaluate
 from pilot.evaluation.table import read_json
 from pilot.model.checkpoint import Model, save_model
 from pilot.model.networks import build_network
-from pilot.simulator.record import record
-from pilot.simulator.recording import Demonstration
+from pilot.simulator.demonstration import DemonstrationConfig
+from pilot.simulator.demonstrations import record
 
 SHORT = ("--tracks", "mountain", "mountain reversed", "--laps", "0.01", "--jobs", "1")
 
@@ -79,7 +79,7 @@ def test_models_side_by_side_with_lights_start_places_and_video(capsys: pytest.C
     assert row.startswith("mountain, evening")
     written = json.loads(Path("new/figures/scores.json").read_text())
     assert [each["total"]["drives"] for each in written["evaluations"]] == [2, 2]
-    assert written["setup"]["setup"]["laps"] == 0.004
+    assert written["options"]["conditions"]["laps"] == 0.004
     with av.open("new/figures/expert/mountain-evening-5.mp4") as clip:
         stream = clip.streams.video[0]
         assert float(stream.average_rate) == 25
@@ -88,7 +88,7 @@ def test_models_side_by_side_with_lights_start_places_and_video(capsys: pytest.C
 
 def test_a_recording_is_replayed(capsys: pytest.CaptureFixture[str]) -> None:
     save("model.pt")
-    record("lake", Demonstration(laps=0.12, rate=10), Path("mine/laps"))
+    record("lake", DemonstrationConfig(laps=0.12, rate=10), Path("mine/laps"))
     arguments = ["--recordings", "mine/laps", "--jobs", "1", "--out"]
     assert evaluate.main(["model.pt", *arguments, "whole"]) == 0
     assert capsys.readouterr().out.splitlines()[1].startswith("laps (by the ")
@@ -181,7 +181,7 @@ def test_what_cannot_be_replayed_is_refused(capsys: pytest.CaptureFixture[str]) 
     Path("empty").mkdir()
     assert evaluate.main(["model.pt", "--recordings", "empty", "--jobs", "1"]) == 1
     assert "empty" in capsys.readouterr().err
-    record("mountain", Demonstration(laps=0.01, rate=10), Path("short"))
+    record("mountain", DemonstrationConfig(laps=0.01, rate=10), Path("short"))
     assert evaluate.main(["model.pt", "--recordings", "short", "--jobs", "1"]) == 1
     assert "no drive of five seconds" in capsys.readouterr().err
 

@@ -6,7 +6,7 @@ from wire import telemetry
 
 from pilot.data.frames import Frame, encode_frame
 from pilot.driving.autopilot import Autopilot, FrameClock
-from pilot.driving.controller import SpeedConfig
+from pilot.driving.controller import ControllerConfig
 from pilot.driving.dashboard.state import DriveState
 
 GOOD = telemetry(encode_frame(picture(0)), speed="10")
@@ -21,7 +21,7 @@ class Clock:
 
 def autopilot(steer: object = lambda frame: 0.25, **config: float) -> tuple[Autopilot, Clock]:
     clock = Clock()
-    return Autopilot(steer, SpeedConfig(**config), clock), clock
+    return Autopilot(steer, ControllerConfig(**config), clock), clock
 
 
 def test_answers_with_the_drivers_steering_and_a_throttle() -> None:
@@ -71,7 +71,7 @@ def test_a_long_pause_begins_the_controllers_anew() -> None:
 def test_a_frame_clock_gives_every_answer_the_same_time() -> None:
     """However fast the telemetry comes: the speed's integral grows by the simulator's time."""
     clock = FrameClock(0.1)
-    pilot = Autopilot(lambda _: 0.0, SpeedConfig(speed=20), clock)
+    pilot = Autopilot(lambda _: 0.0, ControllerConfig(speed=20), clock)
     for _ in range(40):
         clock.tick(pilot.answer({**GOOD, "speed": "18"}))
     slow, by_hand = autopilot(speed=20)

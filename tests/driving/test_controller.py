@@ -1,9 +1,9 @@
 import pytest
 
-from pilot.driving.controller import SpeedConfig, SpeedController, SteeringFilter
+from pilot.driving.controller import ControllerConfig, SpeedController, SteeringFilter
 
 
-def simulate(config: SpeedConfig, seconds: float, step: float) -> list[float]:
+def simulate(config: ControllerConfig, seconds: float, step: float) -> list[float]:
     """Speeds (mph) of a car with the simulator's acceleration and drag."""
     controller, speed, speeds = SpeedController(config), 0.0, []
     for _ in range(int(seconds / step)):
@@ -16,13 +16,13 @@ def simulate(config: SpeedConfig, seconds: float, step: float) -> list[float]:
 @pytest.mark.parametrize("wanted", [5.0, 9.0, 20.0, 30.0])
 @pytest.mark.parametrize("step", [0.02, 0.1])
 def test_holds_the_set_speed(wanted: float, step: float) -> None:
-    speeds = simulate(SpeedConfig(speed=wanted), 60, step)
+    speeds = simulate(ControllerConfig(speed=wanted), 60, step)
     assert speeds[-1] == pytest.approx(wanted, abs=0.3)
     assert max(speeds) < wanted + 2.5
 
 
 def test_the_integral_is_bounded_and_does_not_wind_up() -> None:
-    controller = SpeedController(SpeedConfig(speed=30))
+    controller = SpeedController(ControllerConfig(speed=30))
     for _ in range(1000):  # held back, as against a wall
         controller.throttle(0.0, 0.0, 0.1)
     assert abs(controller.integral) <= 1
@@ -31,33 +31,33 @@ def test_the_integral_is_bounded_and_does_not_wind_up() -> None:
 
 
 def test_a_long_pause_does_not_fill_the_integral() -> None:
-    controller = SpeedController(SpeedConfig(speed=20))
+    controller = SpeedController(ControllerConfig(speed=20))
     controller.throttle(19.0, 0.0, 1000.0)
     assert controller.integral < 0.1
 
 
 def test_brakes_only_where_that_does_not_drive_backwards() -> None:
-    controller = SpeedController(SpeedConfig(speed=0))
+    controller = SpeedController(ControllerConfig(speed=0))
     assert controller.throttle(25.0, 0.0, 0.1) < 0
     assert all(controller.throttle(speed, 0.0, 0.1) == 0 for speed in (6.0, 4.0, 1.0, 0.0))
 
 
 def test_throttle_stays_within_its_range() -> None:
-    controller = SpeedController(SpeedConfig(speed=30, kp=10))
+    controller = SpeedController(ControllerConfig(speed=30, kp=10))
     assert controller.throttle(0.0, 0.0, 0.1) == 1
     assert controller.throttle(200.0, 0.0, 0.1) == -1
 
 
 def test_slows_down_with_the_steering_where_asked() -> None:
     plain, careful = (
-        SpeedController(SpeedConfig(speed=30)),
-        SpeedController(SpeedConfig(speed=30, slow_in_curves=0.6)),
+        SpeedController(ControllerConfig(speed=30)),
+        SpeedController(ControllerConfig(speed=30, slow_in_curves=0.6)),
     )
     assert plain.wanted_speed(1.0) == 30
     assert careful.wanted_speed(0.0) == 30
     assert careful.wanted_speed(-0.5) == pytest.approx(21)
     assert careful.wanted_speed(1.0) == pytest.approx(12)
-    assert SpeedController(SpeedConfig(speed=30, slow_in_curves=1)).wanted_speed(1.0) == 5
+    assert SpeedController(ControllerConfig(speed=30, slow_in_curves=1)).wanted_speed(1.0) == 5
 
 
 def test_smoothing_follows_with_its_time_constant() -> None:
@@ -73,4 +73,4 @@ def test_smoothing_follows_with_its_time_constant() -> None:
 @pytest.mark.parametrize("bad", [{"speed": -1}, {"speed": 99}, {"slow_in_curves": 2}, {"kp": -1}, {"smoothing": -0.1}])
 def test_impossible_settings_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="must"):
-        SpeedConfig(**bad).check()
+        ControllerConfig(**bad).check()

@@ -8,10 +8,19 @@ import numpy as np
 import pytest
 from conftest import picture
 
-from pilot.driving.controller import SpeedConfig
-from pilot.evaluation.closed_loop import Delay, ModelDriver, Referee, Steer, Task, drive_laps, expert_driver, run
+from pilot.driving.controller import ControllerConfig
+from pilot.evaluation.closed_loop import (
+    Delay,
+    DriveRequest,
+    ModelPolicy,
+    Referee,
+    SteeringPolicy,
+    drive_laps,
+    expert_policy,
+    run,
+)
+from pilot.evaluation.conditions import Conditions, expand_tracks
 from pilot.evaluation.over_socket import run_over_socket
-from pilot.evaluation.plan import Setup, expand_tracks
 from pilot.evaluation.scores import Scores, Trajectory, measure
 from pilot.model.checkpoint import Model, save_model
 from pilot.model.networks import build_network
@@ -20,7 +29,7 @@ from pilot.simulator.track import Track, closed_road
 from pilot.workers import run_jobs
 
 FRAME = picture(0.0)
-SETUP = Setup(laps=1.0, speed=SpeedConfig(speed=20.0))
+SETUP = Conditions(laps=1.0, speed=ControllerConfig(speed=20.0))
 
 
 @pytest.fixture(scope="module")
@@ -31,16 +40,16 @@ def winding() -> Track:
     return closed_road("winding", np.column_stack([radius * np.sin(angles), radius * np.cos(angles), 0 * angles]), 4.0)
 
 
-def straight(_drive: Episode) -> Steer:
+def straight(_drive: Episode) -> SteeringPolicy:
     return lambda _frame: 0.0
 
 
-def drive(track: Track, who: object = expert_driver, *, seed: int = 0, **changes: object) -> Trajectory:
+def drive(track: Track, who: object = expert_policy, *, seed: int = 0, **changes: object) -> Trajectory:
     car = Episode(track)
     return drive_laps(car, lambda _: FRAME, who(car), dataclasses.replace(SETUP, **changes), seed=seed)
 
 
-def scores(track: Track, who: object = expert_driver, **changes: object) -> Scores:
+def scores(track: Track, who: object = expert_policy, **changes: object) -> Scores:
     return measure("", [drive(track, who, **changes)])
 
 
@@ -48,7 +57,7 @@ def test_the_expert_needs_nobody(winding: Track) -> None:
     found = scores(winding)
     assert (found.interventions, found.autonomy) == (0, 100)
     assert found.laps == pytest.approx(1, abs=0.01)
-    assert found.offset_max < 0.6
+    assert found.cross_track_max < 0.6
     assert found.lap_time == pytest.approx(found.seconds, abs=0.1)
     assert found.speed == pytest.approx(19.5, abs=1.5)
 
@@ -58,16 +67,16 @@ def test_straight_on_is_put_back_where_it_leaves_the_road_and_comes_to_the_end(w
     found = measure("", [driven])
     assert len(driven.interventions) > 5
     assert found.laps == pytest.approx(1, abs=0.01)
-    assert found.offset_max == pytest.approx(3.0, abs=0.3)  # half of the road, less half of the car
+    assert found.cross_track_max == pytest.approx(3.0, abs=0.3)  # half of the road, less half of the car
     assert {each.reason for each in driven.interventions} == {"off the road"}
     after = np.searchsorted(driven.times, [each.time for each in driven.interventions]) + 1
-    assert np.abs(driven.offsets[after]).max() < 0.05  # in the lane's middle again, a tick later
+    assert np.abs(driven.cross_track_errors[after]).max() < 0.05  # in the lane's middle again, a tick later
     assert driven.speeds[after[1:]].min() > 8  # at the speed it had
 
 
 def test_latency_makes_it_worse(winding: Track) -> None:
     prompt, late = (scores(winding, laps=0.5, latency_ms=milliseconds) for milliseconds in (0, 800))
-    assert late.offset_mean > 3 * prompt.offset_mean  # less of it helps the expert, who steers somewhat early
+    assert late.cross_track_mean > 3 * prompt.cross_track_mean  # less of it helps the expert, who steers somewhat early
     assert late.steering_rate > 3 * prompt.steering_rate
     assert late.interventions > prompt.interventions == 0
 
@@ -77,13 +86,13 @@ def test_lost_frames_make_it_worse_by_their_seed(winding: Track) -> None:
         drive(winding, laps=0.5, lost_frames=share, seed=seed)
         for share, seed in ((0.0, 1), (0.95, 1), (0.95, 1), (0.95, 2))
     )
-    assert measure("", [torn]).offset_max > 2 * measure("", [whole]).offset_max
+    assert measure("", [torn]).cross_track_max > 2 * measure("", [whole]).cross_track_max
     assert np.array_equal(torn.positions, same.positions)
     assert not np.array_equal(torn.positions[:500], other.positions[:500])
 
 
 def test_slow_in_curves_is_slower(winding: Track) -> None:
-    slow = SpeedConfig(speed=20.0, slow_in_curves=1.0)
+    slow = ControllerConfig(speed=20.0, slow_in_curves=1.0)
     assert scores(winding, laps=0.3, speed=slow).speed < scores(winding, laps=0.3).speed - 1
 
 
@@ -129,9 +138,12 @@ def test_a_driver_that_fails_ends_the_evaluation(winding: Track) -> None:
 
 
 def test_side_by_side_or_one_after_another_the_scores_are_the_same() -> None:
-    setup = Setup(laps=0.01, lost_frames=0.3)
-    tasks = [Task(expert_driver, track, setup, start=start) for track, start in (("mountain", 1), ("mountain", 2))]
-    alone, together = (dict(run_jobs(run, tasks, jobs)) for jobs in (1, 2))
+    conditions = Conditions(laps=0.01, lost_frames=0.3)
+    requests = [
+        DriveRequest(expert_policy, track, conditions, start=start)
+        for track, start in (("mountain", 1), ("mountain", 2))
+    ]
+    alone, together = (dict(run_jobs(run, requests, jobs)) for jobs in (1, 2))
     first, second = ([measure("", [driven[number]]) for number in range(2)] for driven in (alone, together))
     assert first == second
     assert first[0] != first[1]  # each from its own start place
@@ -139,16 +151,16 @@ def test_side_by_side_or_one_after_another_the_scores_are_the_same() -> None:
 
 def test_through_the_socket(tmp_path: Path) -> None:
     save_model(tmp_path / "model.pt", Model("pilotnet", build_network("pilotnet", 1), {}, {}, {}))
-    task = Task(ModelDriver(tmp_path / "model.pt"), "mountain", Setup(laps=0.01))
-    found = measure("", [run_over_socket(task)])
+    request = DriveRequest(ModelPolicy(tmp_path / "model.pt"), "mountain", Conditions(laps=0.01))
+    found = measure("", [run_over_socket(request)])
     assert found.laps == pytest.approx(0.01, abs=0.005)
     assert found.speed > 3
 
 
 def test_drive_py_s_last_words_are_passed_on(tmp_path: Path) -> None:
-    task = Task(ModelDriver(tmp_path / "absent.pt"), "mountain", Setup(laps=0.02))
+    request = DriveRequest(ModelPolicy(tmp_path / "absent.pt"), "mountain", Conditions(laps=0.02))
     with pytest.raises(RuntimeError, match="absent.pt: no such file"):
-        run_over_socket(task)
+        run_over_socket(request)
 
 
 def test_ranges_of_tracks() -> None:

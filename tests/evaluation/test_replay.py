@@ -11,27 +11,28 @@ import pytest
 from pilot import camera
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import Frame, encode_frame, read_frame
+from pilot.data.recording_writer import RecordingWriter
 from pilot.evaluation.reference_path import Motion, UnusableRecording, continuous_segments, fit_line
 from pilot.evaluation.replay import (
     LIMITS,
     SPARE,
     UNCLEAR,
-    Moment,
     Reference,
     Replayable,
     ReplayConfig,
+    ReplayStep,
     along_path,
     prepare,
     replay,
 )
 from pilot.evaluation.replay_road import find_road
 from pilot.evaluation.replay_view import BONNET_ROW, view, warp
-from pilot.simulator.recording import Demonstration, RecordingWriter, demonstrate
+from pilot.simulator.demonstration import DemonstrationConfig, demonstrate
 from pilot.simulator.simulator import Simulator
 from pilot.vehicle import CAMERAS, HALF_TRACK, SIDE_CAMERA_OFFSET, curvature_to_steering
 
 ROAD = np.s_[75:132, 60:260]
-PLAN = Demonstration(laps=0.18, rate=10, wander=0.5)
+PLAN = DemonstrationConfig(laps=0.18, rate=10, wander=0.5)
 
 
 @dataclass
@@ -51,10 +52,10 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     truth = []
     with Simulator(CAMERAS) as simulator, RecordingWriter(folder) as writer:
         simulator.reset("lake")
-        for moment in demonstrate(simulator.episode, PLAN):
+        for step in demonstrate(simulator.episode, PLAN):
             state = simulator.episode.state
-            truth.append((state.offset, state.heading_error))
-            writer.write(simulator.look(), state.time, moment.command, state.speed)
+            truth.append((state.cross_track_error, state.heading_error))
+            writer.write(simulator.look(), state.time, step.command, state.speed)
     rows = read_driving_logs([folder]).rows
     return Recorded(folder, rows, prepare(rows), *np.array(truth).T)
 
@@ -69,12 +70,12 @@ class Follower:
     def __init__(self, correction: float = 0.0) -> None:
         self.correction, self.moments = correction, []
 
-    def watch(self, moment: Moment) -> None:
-        self.moments.append(moment)
+    def watch(self, step: ReplayStep) -> None:
+        self.moments.append(step)
 
     def steer(self, _frame: Frame) -> float:
         now, ahead = self.moments[-1], 12.0
-        back = 2 * (now.beside + ahead * now.turned) / ahead**2
+        back = 2 * (now.lateral_shift + ahead * now.heading_shift) / ahead**2
         return float(now.row["steering"]) - self.correction * curvature_to_steering(back)
 
 
@@ -135,11 +136,11 @@ def test_the_line_follows_where_the_car_was_seen_not_only_where_it_steered() -> 
 
 
 def test_the_roads_middle_is_found_where_it_is(recorded: Recorded) -> None:
-    [stretch] = recorded.replayable.stretches
-    assert np.abs(stretch.line.offsets - recorded.offsets).mean() < 0.25
-    assert np.corrcoef(stretch.line.offsets, recorded.offsets)[0, 1] > 0.8
-    assert np.abs(stretch.line.headings - recorded.headings).mean() < 0.03
-    assert stretch.half_widths == pytest.approx(4.8, abs=0.3)
+    [segment] = recorded.replayable.segments
+    assert np.abs(segment.line.offsets - recorded.offsets).mean() < 0.25
+    assert np.corrcoef(segment.line.offsets, recorded.offsets)[0, 1] > 0.8
+    assert np.abs(segment.line.headings - recorded.headings).mean() < 0.03
+    assert segment.half_widths == pytest.approx(4.8, abs=0.3)
     assert recorded.replayable.clarity > UNCLEAR
     assert recorded.replayable.reference == "road"
 
@@ -192,10 +193,10 @@ def test_a_turned_car_sees_sky_and_road_turned(degrees: float) -> None:
         simulator.episode.place(30.0)
         straight = simulator.look()["center"]
         simulator.episode.place(30.0, heading_error=math.radians(degrees))
-        turned = simulator.look()["center"]
+        heading_shift = simulator.look()["center"]
     warped = warp(straight, 0.0, math.radians(degrees))
     for part in (ROAD, np.s_[20:55, 60:260]):
-        unlike, like = (np.abs(frame[part].astype(float) - turned[part]).mean() for frame in (straight, warped))
+        unlike, like = (np.abs(frame[part].astype(float) - heading_shift[part]).mean() for frame in (straight, warped))
         assert like < 0.6 * unlike
 
 
@@ -211,9 +212,9 @@ def test_without_side_cameras_the_centre_picture_is_warped(recorded: Recorded) -
 def test_the_recorded_steering_drives_the_recorded_path(recorded: Recorded) -> None:
     follower = Follower()
     [driven] = replay(recorded.replayable, follower.steer, watch=follower.watch)
-    [stretch] = recorded.replayable.stretches
+    [segment] = recorded.replayable.segments
     assert not driven.interventions
-    np.testing.assert_allclose(driven.offsets, stretch.line.offsets - stretch.lane, atol=1e-9)
+    np.testing.assert_allclose(driven.cross_track_errors, segment.line.offsets - segment.lane, atol=1e-9)
     np.testing.assert_array_equal(follower.moments[40].frame[ROAD], read_frame(recorded.rows["center"][40])[ROAD])
     assert driven.distance == pytest.approx(PLAN.laps * 1137, rel=0.05)
 
@@ -225,21 +226,21 @@ def test_always_straight_leaves_the_road_in_a_bend(recorded: Recorded, reference
     assert len(driven.interventions) >= 3
     for failure in driven.interventions:
         index = int(np.searchsorted(driven.times, failure.time))
-        assert abs(driven.offsets[index]) > LIMITS[reference]
-        assert abs(driven.offsets[index + 1]) < 0.5  # put back
+        assert abs(driven.cross_track_errors[index]) > LIMITS[reference]
+        assert abs(driven.cross_track_errors[index + 1]) < 0.5  # put back
 
 
 def by_path(recorded: Recorded) -> Replayable:
-    [stretch] = recorded.replayable.stretches
-    return Replayable((along_path(stretch.rows, stretch.motion),), "path", 0.0)
+    [segment] = recorded.replayable.segments
+    return Replayable((along_path(segment.rows, segment.motion),), "path", 0.0)
 
 
 def test_what_was_good_enough_for_the_driver_is_for_the_model(recorded: Recorded) -> None:
-    [stretch] = recorded.replayable.stretches
-    lowest, highest = stretch.allowed(0.2)  # he himself strays by more
-    assert stretch.driver.max() > 0.3
-    assert (stretch.driver < highest).all()
-    assert (stretch.driver > lowest).all()
+    [segment] = recorded.replayable.segments
+    lowest, highest = segment.allowed(0.2)  # he himself strays by more
+    assert segment.driver.max() > 0.3
+    assert (segment.driver < highest).all()
+    assert (segment.driver > lowest).all()
     follower = Follower()
     [driven] = replay(recorded.replayable, follower.steer, ReplayConfig(limit=0.2), follower.watch)
     assert not driven.interventions
@@ -248,17 +249,17 @@ def test_what_was_good_enough_for_the_driver_is_for_the_model(recorded: Recorded
 
 
 def test_who_drives_beside_the_road_has_failed_however_wide_the_limit(recorded: Recorded) -> None:
-    [stretch] = recorded.replayable.stretches
-    lowest, highest = stretch.allowed(10.0)
-    edges = stretch.half_widths - HALF_TRACK
-    np.testing.assert_allclose(highest, np.maximum(edges - stretch.lane, stretch.driver + SPARE))
-    np.testing.assert_allclose(lowest, -np.maximum(edges + stretch.lane, SPARE - stretch.driver))
+    [segment] = recorded.replayable.segments
+    lowest, highest = segment.allowed(10.0)
+    edges = segment.half_widths - HALF_TRACK
+    np.testing.assert_allclose(highest, np.maximum(edges - segment.lane, segment.driver + SPARE))
+    np.testing.assert_allclose(lowest, -np.maximum(edges + segment.lane, SPARE - segment.driver))
 
 
 def test_steering_to_the_right_goes_to_the_right(recorded: Recorded) -> None:
     follower = Follower()
     [right] = replay(recorded.replayable, lambda frame: follower.steer(frame) + 0.1, watch=follower.watch)
-    assert right.offsets[60] > recorded.replayable.stretches[0].driver[60] + 0.5
+    assert right.cross_track_errors[60] > recorded.replayable.segments[0].driver[60] + 0.5
 
 
 @pytest.mark.parametrize("start", [-1.5, 1.5])
@@ -267,8 +268,8 @@ def test_a_start_beside_the_road_is_corrected_by_who_steers_back(recorded: Recor
     for correction in (0.0, 1.0):
         follower = Follower(correction)
         [driven] = replay(recorded.replayable, follower.steer, ReplayConfig(start=start), follower.watch)
-        assert driven.offsets[0] == pytest.approx(start)
-        ends[correction] = float(np.mean([abs(moment.beside) for moment in follower.moments[60:90]]))
+        assert driven.cross_track_errors[0] == pytest.approx(start)
+        ends[correction] = float(np.mean([abs(step.lateral_shift) for step in follower.moments[60:90]]))
     assert ends[1.0] < 0.2
     assert ends[0.0] > 3 * ends[1.0]
 

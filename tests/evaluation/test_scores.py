@@ -68,7 +68,7 @@ def test_wilson_intervals_are_the_textbooks(lost: int, trials: int, low: float, 
 
 def test_a_drive_in_figures() -> None:
     scores = measure("straight", [driven(offset=-0.3)])
-    assert (scores.offset_mean, scores.offset_p95, scores.offset_max) == pytest.approx((0.3, 0.3, 0.3))
+    assert (scores.cross_track_mean, scores.cross_track_p95, scores.cross_track_max) == pytest.approx((0.3, 0.3, 0.3))
     assert scores.heading_error == pytest.approx(2)
     assert scores.speed == pytest.approx(22.37, abs=0.01)
     assert scores.distance == pytest.approx(1200)
@@ -88,15 +88,15 @@ def test_far_off_moments_show_in_the_tail() -> None:
     drive = driven()
     offsets = np.where(np.arange(len(drive.times)) % 100 < 8, 2.0, 0.1)  # 8 % of the time
     scores = measure("", [dataclasses.replace(drive, offsets=offsets)])
-    assert (scores.offset_p95, scores.offset_max) == (2.0, 2.0)
-    assert scores.offset_mean == pytest.approx(0.25, abs=0.01)
+    assert (scores.cross_track_p95, scores.cross_track_max) == (2.0, 2.0)
+    assert scores.cross_track_mean == pytest.approx(0.25, abs=0.01)
 
 
 def test_drives_are_pooled_by_time() -> None:
     pooled = measure("all", [driven(60, 1, offset=1.0), driven(180, 0, offset=0.0)])
     assert (pooled.interventions, pooled.seconds, pooled.drives, pooled.clean) == (1, pytest.approx(240), 2, 1)
     assert pooled.autonomy == pytest.approx(97.5)
-    assert pooled.offset_mean == pytest.approx(0.25, abs=0.001)
+    assert pooled.cross_track_mean == pytest.approx(0.25, abs=0.001)
     assert pooled.clean_interval == pytest.approx((0.0945, 0.9055), abs=1e-3)
 
 
@@ -120,7 +120,7 @@ def test_json_gives_back_what_was_written(tmp_path: Path) -> None:
     assert read_json(path) == [evaluation]
     plain = json.loads(path.read_text())
     assert plain["evaluations"][0]["rows"][0]["autonomy"] == pytest.approx(80)
-    assert plain["setup"]["laps"] == 1
+    assert plain["options"]["laps"] == 1
     assert Scores.from_jsonable(plain["evaluations"][0]["total"]) == evaluation.total
     path.write_text("[]")
     with pytest.raises(ValueError, match="holds no evaluations"):

@@ -6,10 +6,10 @@ import pytest
 
 import model
 from pilot.evaluation import selection
-from pilot.evaluation.plan import Setup
+from pilot.evaluation.conditions import Conditions
 from pilot.model.checkpoint import load_model
-from pilot.simulator.record import record
-from pilot.simulator.recording import Demonstration
+from pilot.simulator.demonstration import DemonstrationConfig
+from pilot.simulator.demonstrations import record
 
 OPTIONS = ["--network", "pilotnet", "--epochs", "2", "--samples.block-seconds", "6", "--samples.cameras", "center"]
 
@@ -20,8 +20,8 @@ def test_a_training_keeps_what_drives_best_and_says_so(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(selection, "ROADS", ("mountain",))
-    monkeypatch.setattr(selection, "SHORT", Setup(laps=0.01))
-    record("mountain", Demonstration(laps=0.5, rate=5), Path("laps"))
+    monkeypatch.setattr(selection, "SHORT", Conditions(laps=0.01))
+    record("mountain", DemonstrationConfig(laps=0.5, rate=5), Path("laps"))
     assert model.main(["--data", "laps", "--select", select, *OPTIONS]) == 0
     output = capsys.readouterr().out
     assert "interventions, " in output.split("epoch   2/2")[1]

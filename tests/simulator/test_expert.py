@@ -18,7 +18,7 @@ def lap(name: str, *, backwards: bool, wander: float = 0.0, laps: int = 1) -> tu
     offsets = []
     while episode.laps < laps:
         state = episode.advance(*expert.command())
-        offsets.append(state.offset)
+        offsets.append(state.cross_track_error)
         assert state.on_road, state
         assert state.time < 200 * laps
     return episode, np.array(offsets)
@@ -45,7 +45,7 @@ def test_comes_back_smoothly(offset: float, askew: float) -> None:
     steering = []
     for _ in range(round(5 / TICK)):
         steering.append(episode.advance(*expert.command()).steering)
-    assert abs(episode.state.offset) < 0.2
+    assert abs(episode.state.cross_track_error) < 0.2
     assert abs(episode.state.heading_error) < math.radians(1)
     assert np.abs(steering).max() < 0.6
 

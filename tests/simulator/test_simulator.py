@@ -117,7 +117,7 @@ def test_says_when_a_wheel_leaves_the_road_and_how_far_it_went(simulator: Simula
         if not observation.state.on_road:
             break
     assert not observation.state.on_road
-    assert abs(observation.state.offset) > 1.5
+    assert abs(observation.state.cross_track_error) > 1.5
     start = simulator.episode.track.at(0)
     straight = math.hypot(observation.state.x - start[0], observation.state.y - start[1])
     assert observation.state.progress == pytest.approx(straight, rel=0.2)

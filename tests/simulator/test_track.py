@@ -37,7 +37,7 @@ def test_locate_is_the_inverse_of_at(progress: float, offset: float, backwards: 
     x, y, heading = track.at(progress, offset)
     for near in (None, progress % track.length + 3.0):
         place = track.locate(x, y, near)
-        assert place.offset == pytest.approx(offset, abs=0.05)
+        assert place.lateral_offset == pytest.approx(offset, abs=0.05)
         around = (place.progress - progress + track.length / 2) % track.length - track.length / 2
         assert around == pytest.approx(0, abs=0.3)
         assert math.cos(place.heading - heading) > 0.999
@@ -46,8 +46,8 @@ def test_locate_is_the_inverse_of_at(progress: float, offset: float, backwards: 
 def test_the_other_way_round_left_is_right() -> None:
     track = load_course("lake").track
     x, y, _ = track.at(200, 2.0)
-    assert track.locate(x, y).offset == pytest.approx(2.0, abs=0.05)
-    assert track.reversed().locate(x, y).offset == pytest.approx(-2.0, abs=0.05)
+    assert track.locate(x, y).lateral_offset == pytest.approx(2.0, abs=0.05)
+    assert track.reversed().locate(x, y).lateral_offset == pytest.approx(-2.0, abs=0.05)
     assert track.reversed().name == "lake reversed"
     assert track.reversed().reversed().name == "lake"
 

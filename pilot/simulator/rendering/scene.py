@@ -70,7 +70,7 @@ class Scene:
 
     def ground(self, episode: Episode) -> float:
         """Height (metres) of the ground under a car: of the road, and some metres beside it of the land."""
-        beside = abs(episode.where.offset) - episode.where.half_width - LEVEL_BESIDE
+        beside = abs(episode.where.lateral_offset) - episode.where.half_width - LEVEL_BESIDE
         if beside <= 0:
             return episode.where.height
         land = float(self.terrain.sample(self.terrain.heights, np.array([[episode.car.x, episode.car.y]]))[0])

@@ -24,9 +24,9 @@ from panda3d.core import (
 )
 
 from pilot.data.frames import Frame
+from pilot.data.recording_writer import RECORDING_RATE, RecordingWriter, is_due
 from pilot.interrupt import catch_interrupt
 from pilot.simulator.episode import CarState, Episode
-from pilot.simulator.recording import REAL_RATE, RecordingWriter, is_due
 from pilot.simulator.rendering.body import Body
 from pilot.simulator.rendering.renderer import FAR, NEAR
 from pilot.simulator.rendering.scene import Scene
@@ -120,7 +120,7 @@ class Capture:
             return
         self._began = state.time if self._began is None else self._began
         seconds = state.time - self._began
-        if not is_due(round(seconds / TICK), REAL_RATE):
+        if not is_due(round(seconds / TICK), RECORDING_RATE):
             return
         try:
             self._writer.write(self._look(), seconds, (state.steering, state.throttle), state.speed)

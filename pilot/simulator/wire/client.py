@@ -80,15 +80,15 @@ class RoadWatch:
         """One tick."""
         self.ticks += 1
         self.speeds += state.speed
-        self.offsets += abs(state.offset)
-        self.largest_offset = max(self.largest_offset, abs(state.offset))
+        self.offsets += abs(state.cross_track_error)
+        self.largest_offset = max(self.largest_offset, abs(state.cross_track_error))
         self.departures += not state.on_road and self.ticks_off == 0
         self.ticks_off = 0 if state.on_road else self.ticks_off + 1
 
     @property
     def lost(self) -> bool:
         """Whether the car will hardly come back by itself."""
-        beyond = abs(self.episode.where.offset) - self.episode.where.half_width
+        beyond = abs(self.episode.where.lateral_offset) - self.episode.where.half_width
         return self.ticks_off * TICK > OFF_ROAD_SECONDS or beyond > OFF_ROAD_METRES
 
     def put_back(self) -> None:

@@ -495,12 +495,12 @@ def test_ctrl_c_takes_leave() -> None:
 DRIVE_SERVER = """
 import logging, sys
 from pilot.driving.autopilot import Autopilot
-from pilot.driving.controller import SpeedConfig
+from pilot.driving.controller import ControllerConfig
 from pilot.driving.server import DriveServer
 from pilot.driving.websocket import listen
 logging.basicConfig(stream=sys.stdout)
 logging.getLogger("pilot").setLevel(logging.INFO)
-DriveServer(Autopilot(lambda frame: float(sys.argv[2]), SpeedConfig())).serve(listen("127.0.0.1", int(sys.argv[1])))
+DriveServer(Autopilot(lambda frame: float(sys.argv[2]), ControllerConfig())).serve(listen("127.0.0.1", int(sys.argv[1])))
 """
 
 

@@ -14,21 +14,21 @@ from matplotlib.figure import Figure
 
 from pilot.data.driving_log import part_of_each, read_driving_logs
 from pilot.data.frames import encode_frame
-from pilot.data.log_format import LOG_NAME
-from pilot.driving.driver import Steer
-from pilot.evaluation.closed_loop import CLIP_START, MakeSteer, ModelDriver, Task, film, run
+from pilot.data.log_format import LOG_NAME, format_line, time_stamp
+from pilot.driving.driver import SteeringPolicy
+from pilot.evaluation.closed_loop import CLIP_START, DriveRequest, ModelPolicy, PolicyFactory, film, run
+from pilot.evaluation.conditions import Conditions
 from pilot.evaluation.over_socket import run_over_socket
 from pilot.evaluation.pictures import draw_trajectories
-from pilot.evaluation.plan import Setup
-from pilot.evaluation.replay import Moment, Replayable, prepare, replay
+from pilot.evaluation.replay import Replayable, ReplayStep, prepare, replay
 from pilot.evaluation.replay_pictures import draw_replay
 from pilot.evaluation.scores import Scores, Trajectory
 from pilot.simulator.catalogue import load_track
 
-Job = Callable[[], Sequence[Trajectory]]  # in any process: to be pickled
+Work = Callable[[], Sequence[Trajectory]]  # in any process: to be pickled
 
 
-class Trial(Protocol):
+class Scenario(Protocol):
     """A row of the table."""
 
     @property
@@ -39,7 +39,7 @@ class Trial(Protocol):
     def file(self) -> str:
         """As its pictures are called."""
 
-    def jobs(self, driver: MakeSteer, clips: Path | None) -> list[Job]:
+    def jobs(self, driver: PolicyFactory, clips: Path | None) -> list[Work]:
         """What is to be driven, in pieces that can be done side by side.
 
         Args:
@@ -52,20 +52,20 @@ class Trial(Protocol):
 
 
 @dataclass(frozen=True)
-class TrackTrial:
+class TrackScenario:
     """A track of the built-in simulator.
 
     Attributes:
         track: such as lake, or random:7 reversed. light: None is the track's own.
         starts: seeds of the start places; None starts at the start line.
-        setup: how to drive.
+        conditions: how to drive.
         socket: whether through drive.py and its socket.
     """
 
     track: str
     light: str | None
     starts: tuple[int | None, ...]
-    setup: Setup
+    conditions: Conditions
     socket: bool = False
 
     @property
@@ -78,14 +78,14 @@ class TrackTrial:
         """As its pictures are called."""
         return self.title.replace(",", "").replace(":", "-").replace(" ", "-")
 
-    def jobs(self, driver: MakeSteer, clips: Path | None) -> list[Job]:
+    def jobs(self, driver: PolicyFactory, clips: Path | None) -> list[Work]:
         """A drive for each start place."""
         return [functools.partial(self._drive, driver, start, clips) for start in self.starts]
 
-    def _drive(self, driver: MakeSteer, start: int | None, clips: Path | None) -> list[Trajectory]:
+    def _drive(self, driver: PolicyFactory, start: int | None, clips: Path | None) -> list[Trajectory]:
         clip = clips / f"{self.file}{'' if start is None else f'-{start}'}.mp4" if clips else None
-        task = Task(driver, self.track, self.setup, self.light, start, clip)
-        return [run_over_socket(task) if self.socket else run(task)]
+        request = DriveRequest(driver, self.track, self.conditions, self.light, start, clip)
+        return [run_over_socket(request) if self.socket else run(request)]
 
     def draw(self, title: str, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
         """The road from above with the paths on it, and the place in the lane."""
@@ -93,7 +93,7 @@ class TrackTrial:
 
 
 @dataclass(frozen=True, eq=False)
-class RecordingTrial:
+class RecordingScenario:
     """A recording that is replayed.
 
     Attributes:
@@ -114,17 +114,17 @@ class RecordingTrial:
         """As its pictures are called."""
         return f"replay-{self.name}"
 
-    def jobs(self, driver: MakeSteer, clips: Path | None) -> list[Job]:
+    def jobs(self, driver: PolicyFactory, clips: Path | None) -> list[Work]:
         """All its stretches, one after another.
 
         Raises:
             ValueError: the driver steers by more than pictures.
         """
-        if not isinstance(driver, ModelDriver):
+        if not isinstance(driver, ModelPolicy):
             raise ValueError("the expert drives in the built-in simulator only: a recording has no road to know")
         return [functools.partial(self._replay, driver, clips / f"{self.file}.mp4" if clips else None)]
 
-    def _replay(self, driver: ModelDriver, clip: Path | None) -> list[Trajectory]:
+    def _replay(self, driver: ModelPolicy, clip: Path | None) -> list[Trajectory]:
         if clip is None:
             return replay(self.recording, driver())
         with tempfile.TemporaryDirectory() as folder:
@@ -135,7 +135,7 @@ class RecordingTrial:
         return draw_replay(title, self.recording, trajectories, scores)
 
 
-def prepare_trial(last_part: float, named: tuple[str, Path]) -> RecordingTrial:
+def prepare_scenario(last_part: float, named: tuple[str, Path]) -> RecordingScenario:
     """Make the last share (0..1) of a recording, a name and its folder, ready to be replayed.
 
     Raises:
@@ -144,27 +144,25 @@ def prepare_trial(last_part: float, named: tuple[str, Path]) -> RecordingTrial:
     """
     name, folder = named
     rows = part_of_each(read_driving_logs([folder]).rows, 1 - last_part, 1)
-    return RecordingTrial(name, prepare(rows))
+    return RecordingScenario(name, prepare(rows))
 
 
-def _filmed(folder: Path, recording: Replayable, steer: Steer, clip: Path) -> list[Trajectory]:
+def _filmed(folder: Path, recording: Replayable, steer: SteeringPolicy, clip: Path) -> list[Trajectory]:
     """Replay, and make a clip of what the model saw and did, by way of a drive as drive.py records it."""
-    rows = pd.concat([stretch.rows for stretch in recording.stretches])
+    rows = pd.concat([segment.rows for segment in recording.segments])
     fps = round(1 / float(rows["time"].diff().median()), 2)
-    seen = [CLIP_START + timedelta(seconds=number / fps) for number in range(len(rows))]
-    names = [f"{moment:%Y_%m_%d_%H_%M_%S}_{moment.microsecond // 1000:03d}.jpg" for moment in seen]
+    names = [f"{time_stamp(CLIP_START + timedelta(seconds=number / fps))}.jpg" for number in range(len(rows))]
     unseen = iter(names)
 
-    def keep(moment: Moment) -> None:
-        (folder / next(unseen)).write_bytes(encode_frame(moment.frame))
+    def keep(step: ReplayStep) -> None:
+        (folder / next(unseen)).write_bytes(encode_frame(step.frame))
 
-    trajectory = replay(recording, steer, watch=keep)
-    steering = np.concatenate([trajectory.steering for trajectory in trajectory])
-    (folder / LOG_NAME).write_text(
-        "".join(
-            f"{name},,,{command:.6g},0,0,{speed:.6g}\n"
-            for name, command, speed in zip(names, steering, rows["speed"], strict=True)
-        )
-    )
+    trajectories = replay(recording, steer, watch=keep)
+    steering = np.concatenate([trajectory.steering for trajectory in trajectories])
+    lines = [
+        format_line([name, "", ""], command, 0.0, speed)
+        for name, command, speed in zip(names, steering, rows["speed"], strict=True)
+    ]
+    (folder / LOG_NAME).write_text("".join(lines))
     film(folder, clip, fps)
-    return trajectory
+    return trajectories

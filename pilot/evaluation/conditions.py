@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import tyro
 
-from pilot.driving.controller import SpeedConfig
+from pilot.driving.controller import ControllerConfig
 from pilot.vehicle import TICK
 
 TICK_MS = round(1000 * TICK)
@@ -15,7 +15,7 @@ MOST_TRACKS = 1000  # in a range: more is a slip of the finger
 
 
 @dataclass(frozen=True)
-class Setup:
+class Conditions:
     """How to drive."""
 
     laps: float = 1.0
@@ -26,7 +26,7 @@ class Setup:
     0 is a command at the very moment of its picture, which no simulator gives."""
     lost_frames: float = 0.0
     """Share of the pictures (0..1) that get lost at random; the last command stays."""
-    speed: tyro.conf.OmitArgPrefixes[SpeedConfig] = field(default_factory=lambda: SpeedConfig(speed=30.0))
+    speed: tyro.conf.OmitArgPrefixes[ControllerConfig] = field(default_factory=lambda: ControllerConfig(speed=30.0))
 
     def check(self) -> None:
         """Refuse what cannot be driven.

@@ -16,13 +16,13 @@ import model
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import decode_frame, encode_frame
 from pilot.data.log_format import LOG_NAME
-from pilot.simulator import record as recorder
+from pilot.simulator import demonstrations
+from pilot.simulator.demonstration import DemonstrationConfig
 from pilot.simulator.expert import LOOKAHEAD
-from pilot.simulator.recording import Demonstration
 from pilot.simulator.simulator import Simulator
 from pilot.training.recipes import TrainingConfig
 
-SHORT = Demonstration(laps=0.02, recoveries=0, rate=15.0)
+SHORT = DemonstrationConfig(laps=0.02, recoveries=0, rate=15.0)
 
 
 def quiet(paths: Iterable[str], _count: int) -> Iterable[str]:
@@ -30,7 +30,7 @@ def quiet(paths: Iterable[str], _count: int) -> Iterable[str]:
 
 
 def test_writes_what_the_real_simulator_writes(tmp_path: Path) -> None:
-    rows = recorder.record("lake", SHORT, tmp_path / "laps")
+    rows = demonstrations.record("lake", SHORT, tmp_path / "laps")
     lines = (tmp_path / "laps" / LOG_NAME).read_text().splitlines()
     assert len(lines) == rows > 30
     paths = r",".join(
@@ -44,7 +44,7 @@ def test_writes_what_the_real_simulator_writes(tmp_path: Path) -> None:
 
 
 def test_is_read_like_any_recording_at_the_rate_asked_for(tmp_path: Path) -> None:
-    rows = recorder.record("jungle", SHORT, tmp_path)
+    rows = demonstrations.record("jungle", SHORT, tmp_path)
     log = read_driving_logs([tmp_path], quiet)
     assert len(log.rows) == rows
     assert log.rows["steering"].abs().max() < 1
@@ -53,13 +53,13 @@ def test_is_read_like_any_recording_at_the_rate_asked_for(tmp_path: Path) -> Non
 
 
 def test_goes_on_in_a_recording_that_is_there(tmp_path: Path) -> None:
-    first = recorder.record("lake", SHORT, tmp_path)
-    second = recorder.record("lake", SHORT, tmp_path)
+    first = demonstrations.record("lake", SHORT, tmp_path)
+    second = demonstrations.record("lake", SHORT, tmp_path)
     assert len((tmp_path / LOG_NAME).read_text().splitlines()) == first + second
 
 
 def test_recoveries_show_the_way_back_and_only_that(tmp_path: Path) -> None:
-    recorder.record("lake", Demonstration(laps=0, recoveries=12, rate=5.0), tmp_path)
+    demonstrations.record("lake", DemonstrationConfig(laps=0, recoveries=12, rate=5.0), tmp_path)
     log = pd.read_csv(tmp_path / LOG_NAME, header=None)
     assert len(log) > 12 * 5
     assert log[3].abs().mean() > 0.05  # every row steers back
@@ -69,7 +69,7 @@ def test_recoveries_show_the_way_back_and_only_that(tmp_path: Path) -> None:
 
 def test_the_steering_belongs_to_the_picture(tmp_path: Path) -> None:
     """Driving by the recorded commands shows the recorded pictures again."""
-    recorder.record("mountain", Demonstration(laps=0.01, rate=50.0), tmp_path)
+    demonstrations.record("mountain", DemonstrationConfig(laps=0.01, rate=50.0), tmp_path)
     log = pd.read_csv(tmp_path / LOG_NAME, header=None)
     with Simulator(ticks=1) as simulator:
         frame = simulator.reset("mountain").frames["center"]
@@ -84,14 +84,14 @@ def test_the_steering_belongs_to_the_picture(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("plan", "message"),
     [
-        (Demonstration(laps=-1), "laps -1: takes 0 to 1000"),
-        (Demonstration(rate=100), "rate 100: takes 0.1 to 50"),
-        (Demonstration(speed=90), "speed 90: takes 1 to 30"),
+        (DemonstrationConfig(laps=-1), "laps -1: takes 0 to 1000"),
+        (DemonstrationConfig(rate=100), "rate 100: takes 0.1 to 50"),
+        (DemonstrationConfig(speed=90), "speed 90: takes 1 to 30"),
     ],
 )
-def test_refuses_what_cannot_be_driven(plan: Demonstration, message: str, tmp_path: Path) -> None:
+def test_refuses_what_cannot_be_driven(plan: DemonstrationConfig, message: str, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=message):
-        recorder.record("lake", plan, tmp_path / "new")
+        demonstrations.record("lake", plan, tmp_path / "new")
     assert not (tmp_path / "new").exists()
 
 
@@ -140,12 +140,12 @@ def test_the_command_refuses_in_a_sentence(arguments: list[str], tmp_path: Path)
 
 @pytest.fixture
 def small_demonstration(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recorder, "DEMONSTRATIONS", {"lake": SHORT, "random:5 reversed": SHORT})
+    monkeypatch.setattr(demonstrations, "DEMONSTRATIONS", {"lake": SHORT, "random:5 reversed": SHORT})
 
     def one_by_one(folder: Path, tracks: list[str]) -> Iterable[str]:  # the other processes know the large one only
-        return (recorder._record_whole(folder, track) for track in tracks)
+        return (demonstrations._record_whole(folder, track) for track in tracks)
 
-    monkeypatch.setattr(recorder, "record_demonstrations", one_by_one)
+    monkeypatch.setattr(demonstrations, "record_demonstrations", one_by_one)
 
 
 @pytest.mark.usefixtures("small_demonstration")
@@ -162,7 +162,7 @@ def test_an_empty_folder_gets_a_demonstration_once(tmp_path: Path, capsys: pytes
 
 @pytest.mark.usefixtures("small_demonstration")
 def test_an_interrupted_demonstration_goes_on_and_is_never_half(tmp_path: Path) -> None:
-    recorder._record_whole(tmp_path / "data" / "built_in", "lake")
+    demonstrations._record_whole(tmp_path / "data" / "built_in", "lake")
     before = (tmp_path / "data" / "built_in" / "lake" / LOG_NAME).read_bytes()
     leftover = tmp_path / "data" / "built_in" / ".random-5-reversed.part"
     (leftover / "IMG").mkdir(parents=True)
@@ -177,7 +177,7 @@ def test_an_interrupted_demonstration_goes_on_and_is_never_half(tmp_path: Path) 
 def test_a_users_own_laps_are_not_added_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert model.parse_options([]).recipe == "built-in"
-    recorder.record("lake", SHORT, tmp_path / "data" / "mine")
+    demonstrations.record("lake", SHORT, tmp_path / "data" / "mine")
     model.record_if_empty(Path("data"))
     assert not (tmp_path / "data" / "built_in").exists()
     assert model.parse_options([]).recipe == "default"

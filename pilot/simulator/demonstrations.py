@@ -6,33 +6,32 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from pilot.data.log_format import LOG_NAME
+from pilot.data.recording_writer import RecordingWriter
 from pilot.simulator.catalogue import NAMED
-from pilot.simulator.recording import Demonstration, RecordingWriter, demonstrate
+from pilot.simulator.demonstration import DemonstrationConfig, demonstrate
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.track import REVERSED
 from pilot.vehicle import CAMERAS
 from pilot.workers import run_jobs
 
-Progress = Callable[[float], None]
-
 # The demonstration that stands in for a person's laps: a bit of everything, both ways round.
 # Without wandering: a row's label is then what the picture asks for, and the recoveries show the way back.
-NAMED_PLAN = Demonstration(laps=1, recoveries=40, rate=2.0)
-RANDOM_PLAN = Demonstration(laps=1, recoveries=14, rate=0.4)  # few rows of many roads
-DEMONSTRATIONS: dict[str, Demonstration] = {
-    **{name + way: NAMED_PLAN for name in NAMED for way in ("", REVERSED)},
-    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_PLAN for seed in range(1000, 1150)},
+NAMED_TRACKS = DemonstrationConfig(laps=1, recoveries=40, rate=2.0)
+RANDOM_TRACKS = DemonstrationConfig(laps=1, recoveries=14, rate=0.4)  # few rows of many roads
+DEMONSTRATIONS: dict[str, DemonstrationConfig] = {
+    **{name + way: NAMED_TRACKS for name in NAMED for way in ("", REVERSED)},
+    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_TRACKS for seed in range(1000, 1150)},
 }
 
 
 def record(
     track: str,
-    plan: Demonstration,
+    config: DemonstrationConfig,
     folder: Path,
     *,
     light: str | None = None,
     listed_as: Path | None = None,
-    on_progress: Progress = lambda _: None,
+    on_progress: Callable[[float], None] = lambda _: None,
 ) -> int:
     """Record the expert on a track (lake, jungle, mountain, random:SEED, with " reversed" behind for the other way).
 
@@ -40,17 +39,17 @@ def record(
         rows written.
 
     Raises:
-        ValueError: there is no such track or light, or the plan makes no sense.
+        ValueError: there is no such track or light, or the config makes no sense.
         OSError: the folder cannot be written to.
     """
-    plan.check()
+    config.check()
     with Simulator(CAMERAS) as simulator:
         simulator.reset(track, light=light)
         with RecordingWriter(folder, listed_as) as writer:
             episode = simulator.episode
-            for moment in demonstrate(episode, plan):
-                writer.write(simulator.look(), episode.state.time, moment.command, episode.state.speed)
-                on_progress(moment.done)
+            for step in demonstrate(episode, config):
+                writer.write(simulator.look(), episode.state.time, step.command, episode.state.speed)
+                on_progress(step.done)
             return writer.rows
 
 
