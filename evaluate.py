@@ -17,8 +17,8 @@ from pilot.evaluation.conditions import Conditions, expand_tracks
 if TYPE_CHECKING:
     from pilot.evaluation.closed_loop import PolicyFactory
     from pilot.evaluation.scenarios import Scenario
-    from pilot.evaluation.scores import Trajectory
     from pilot.evaluation.table import Evaluation
+    from pilot.simulator.trajectory import Trajectory
 
 EXPERT = Path("expert")  # as a model: the built-in simulator's expert
 TRACKS = ("lake", "lake reversed", "jungle", "jungle reversed", "mountain", "mountain reversed", "random:0-4")
@@ -234,14 +234,14 @@ def drive_all(
 
 def report(folder: Path, name: str, trajectory: "dict[Scenario, list[Trajectory]]") -> "Evaluation":
     """Measure what a model drove, and draw it into a folder."""
-    from pilot.evaluation.scores import measure
     from pilot.evaluation.table import Evaluation
+    from pilot.simulator.scores import score
     from pilot.training.plots import save
 
-    rows = {scenario: measure(scenario.title, trajectories) for scenario, trajectories in trajectory.items()}
+    rows = {scenario: score(scenario.title, trajectories) for scenario, trajectories in trajectory.items()}
     for scenario, scores in rows.items():
         save(scenario.draw(f"{name}, {scenario.title}", trajectory[scenario], scores), folder / f"{scenario.file}.png")
-    total = measure("all", [trajectory for trajectories in trajectory.values() for trajectory in trajectories])
+    total = score("all", [trajectory for trajectories in trajectory.values() for trajectory in trajectories])
     return Evaluation(name, tuple(rows.values()), total)
 
 

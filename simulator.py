@@ -124,6 +124,7 @@ def by_hand(config: WindowConfig) -> int:
 
 def connect(config: ConnectConfig) -> int:
     """Be driven, in a window or without."""
+    from pilot.simulator.referee import WHEN_LOST, Referee
     from pilot.simulator.simulator import Simulator
     from pilot.simulator.wire.client import Client
 
@@ -137,7 +138,7 @@ def connect(config: ConnectConfig) -> int:
             host=config.host,
             port=config.port,
             realtime=not config.fast,
-            laps=config.laps,
+            referee=Referee(simulator.episode, laps=config.laps, rule=WHEN_LOST),
             on_tick=lambda _: show_laps(bar, simulator.episode.laps),
         )
         if config.headless:

@@ -63,14 +63,14 @@ def variants(group: str, base: TrainingConfig) -> Iterator[tuple[str, TrainingCo
         yield from ((f"l2 {value:g}", replace(base, l2=value)) for value in (0.0, 1e-5, 1e-4, 1e-3))
 
 
-def measure(config: TrainingConfig, rows: pd.DataFrame) -> dict[str, float]:
+def train_and_validate(config: TrainingConfig, rows: pd.DataFrame) -> dict[str, float]:
     """Train one variant; figures of its best epoch on the validation moments."""
     training, validation = make_samples(rows, config.samples, config.seed)
     run, began = Training(config, training, validation), time.monotonic()
     run.run(lambda _: None, lambda batches, count, title: tqdm(batches, title, count, leave=False))
     seconds = time.monotonic() - began
     run.load_weights_of(run.best)
-    result = report.measure(run)
+    result = report.validate_model(run)
     smoothed = {f"smooth_{name}": value for name, value in asdict(result.smoothed).items() if name != "count"}
     return {
         "parameters": count_parameters(run.network),
@@ -106,7 +106,7 @@ def main() -> None:
             if known or (options.only and name not in options.only):
                 continue
             config = replace(variant, seed=seed, epochs=min(variant.epochs, options.epochs or variant.epochs))
-            row = pd.DataFrame([{**key, **measure(config, rows)}])
+            row = pd.DataFrame([{**key, **train_and_validate(config, rows)}])
             pd.concat([done, row]).to_csv(options.results, index=False)
             print(row.to_string(index=False), flush=True)
     results = pd.read_csv(options.results).query("group == @options.group")

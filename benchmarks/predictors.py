@@ -27,9 +27,9 @@ from pilot.driving.driver import SteeringPolicy
 from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, run
 from pilot.evaluation.conditions import Conditions, expand_tracks
 from pilot.evaluation.replay import Replayable, ReplayConfig, along_path, prepare, replay
-from pilot.evaluation.scores import measure
 from pilot.simulator.demonstration import DemonstrationConfig
 from pilot.simulator.demonstrations import record
+from pilot.simulator.scores import score
 from pilot.training import plots
 from pilot.workers import run_jobs
 
@@ -70,17 +70,17 @@ def judge(folder: Path, track: str, models: list[Path]) -> list[dict[str, object
 
 
 def _true(path: Path, track: str) -> dict[str, float]:
-    scores = measure(track, [run(DriveRequest(ModelPolicy(path), track, Conditions()))])
+    scores = score(track, [run(DriveRequest(ModelPolicy(path), track, Conditions()))])
     return {"autonomy": scores.autonomy, "offset": scores.cross_track_mean}
 
 
 def _predicted(steer: SteeringPolicy, rows: pd.DataFrame, recording: Replayable) -> dict[str, float]:
     predicted = np.array([steer(read_frame(path)) for path in rows["center"]])
     figures = {"mse": float(((predicted - rows["steering"]) ** 2).mean())}
-    figures["road"] = measure("", replay(recording, steer)).autonomy
+    figures["road"] = score("", replay(recording, steer)).autonomy
     by_path = Replayable(tuple(along_path(each.rows, each.motion) for each in recording.segments), "path", 0.0)
     for limit in PATH_LIMITS:
-        figures[f"path {limit:g} m"] = measure("", replay(by_path, steer, ReplayConfig(limit))).autonomy
+        figures[f"path {limit:g} m"] = score("", replay(by_path, steer, ReplayConfig(limit))).autonomy
     return figures
 
 

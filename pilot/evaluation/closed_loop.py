@@ -19,15 +19,16 @@ from pilot.driving.autopilot import Answer, Autopilot
 from pilot.driving.driver import Driver, SteeringPolicy
 from pilot.driving.recorder import Recorder
 from pilot.evaluation.conditions import Conditions
-from pilot.evaluation.scores import Intervention, Reason, Trajectory
-from pilot.simulator.episode import CarState, Episode
+from pilot.simulator.episode import Episode
 from pilot.simulator.expert import Expert
+from pilot.simulator.referee import Referee
 from pilot.simulator.simulator import TICKS, Simulator
+from pilot.simulator.track import Track
+from pilot.simulator.trajectory import Trajectory
 from pilot.simulator.wire.client import build_telemetry, parse_steer
 from pilot.vehicle import MPH, TICK
 from pilot.video.clip import Overlays, make_clip
 
-PATIENCE_SECONDS, PATIENCE_METRES = 10.0, 1.0  # a car that gets on by less in this time is put back
 SLOWEST = 0.25  # share of the set speed; who is slower on average does not get to the end of his laps
 FRAMES_PER_SECOND = 1 / (TICKS * TICK)
 CLIP_START = datetime(2000, 1, 1)  # frames of a clip are named by the simulator's clock
@@ -72,55 +73,9 @@ def expert_policy(episode: Episode) -> SteeringPolicy:
 # One drive
 
 
-class Referee:
-    """Watches a drive: keeps its states, puts the car back, and says when it is over.
-
-    Attributes:
-        drive: the car on its road.
-        states: one for each tick. interventions: so far.
-    """
-
-    def __init__(
-        self, episode: Episode, laps: float, set_speed: float, on_put_back: Callable[[], None] = lambda: None
-    ) -> None:
-        """Begin.
-
-        Args:
-            drive: the car, where it starts.
-            laps: where it ends.
-            set_speed: mph; the time that is allowed follows from it.
-            on_put_back: called when the car was put back.
-        """
-        self.episode, self.laps, self.on_put_back = episode, laps, on_put_back
-        self.states, self.interventions = [episode.state], list[Intervention]()
-        self.longest = laps * episode.track.length / (SLOWEST * set_speed * MPH)
-        self._got_on = episode.state  # when the car last got on by a metre
-
-    def see(self, state: CarState) -> None:
-        """One tick."""
-        self.states.append(state)
-        if state.progress >= self._got_on.progress + PATIENCE_METRES:
-            self._got_on = state
-        if not state.on_road:
-            self._put_back(state, "off the road")
-        elif state.time - self._got_on.time >= PATIENCE_SECONDS:
-            self._put_back(state, "no progress")
-
-    def _put_back(self, state: CarState, reason: Reason) -> None:
-        self.interventions.append(Intervention(state.time, state.x, state.y, state.progress, reason))
-        self.episode.put_back()
-        self._got_on = self.episode.state
-        self.on_put_back()
-
-    @property
-    def over(self) -> bool:
-        """Whether the laps are driven, or the time is up."""
-        return self.episode.laps >= self.laps or self.states[-1].time >= self.longest
-
-    @property
-    def trajectory(self) -> Trajectory:
-        """The drive so far."""
-        return Trajectory.from_states(self.states, self.interventions, self.episode.track.length)
+def time_limit(track: Track, laps: float, set_speed: float) -> float:
+    """Seconds that a drive may take; `set_speed` in mph."""
+    return laps * track.length / (SLOWEST * set_speed * MPH)
 
 
 class Delay:
@@ -172,7 +127,8 @@ def drive_laps(
     """
     autopilot = Autopilot(steer, conditions.speed, clock=lambda: episode.ticks * TICK)
     delay = Delay(round(conditions.latency_ms / 1000 / TICK))
-    referee = Referee(episode, conditions.laps, conditions.speed.speed, delay.straighten)
+    longest = time_limit(episode.track, conditions.laps, conditions.speed.speed)
+    referee = Referee(episode, laps=conditions.laps, seconds=longest, on_put_back=delay.straighten)
     random = np.random.default_rng(seed)
     while not referee.over:
         if random.random() >= conditions.lost_frames:
@@ -182,7 +138,7 @@ def drive_laps(
             delay.send(episode.ticks, parse_steer(answer.message))
             observe(answer)
         for _ in range(TICKS):
-            referee.see(episode.advance(*delay.at(episode.ticks)))
+            referee.observe(episode.advance(*delay.at(episode.ticks)))
     return referee.trajectory
 
 

@@ -11,9 +11,10 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
-from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, Referee, film, simulator_at
-from pilot.evaluation.scores import Trajectory
+from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, film, simulator_at, time_limit
+from pilot.simulator.referee import Referee
 from pilot.simulator.simulator import Simulator
+from pilot.simulator.trajectory import Trajectory
 from pilot.simulator.wire.client import TICKS_PER_ANSWER, Client
 from pilot.vehicle import TICK
 
@@ -44,14 +45,15 @@ def run_over_socket(request: DriveRequest) -> Trajectory:
 def _be_driven(
     simulator: Simulator, request: DriveRequest, process: "subprocess.Popen[str]", port: int, folder: Path
 ) -> Trajectory:
-    referee = Referee(simulator.episode, request.conditions.laps, request.conditions.speed.speed)
+    conditions = request.conditions
+    longest = time_limit(simulator.episode.track, conditions.laps, conditions.speed.speed)
+    referee = Referee(simulator.episode, laps=conditions.laps, seconds=longest)
     client = Client(
         simulator.episode,
         lambda _: simulator.look()["center"],
         port=port,
         realtime=False,
-        put_back=False,
-        on_tick=referee.see,
+        referee=referee,
     )
     heard = time.monotonic()
     try:

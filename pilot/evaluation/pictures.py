@@ -9,8 +9,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from pilot.evaluation.scores import Array, Scores, Trajectory
+from pilot.simulator.scores import Scores
 from pilot.simulator.track import Track
+from pilot.simulator.trajectory import Array, Trajectory
 from pilot.vehicle import HALF_TRACK
 
 matplotlib.use("Agg")  # files only: works without a display

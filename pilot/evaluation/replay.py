@@ -30,8 +30,8 @@ from pilot.evaluation.reference_path import (
 )
 from pilot.evaluation.replay_road import PATH_SPREAD, find_road
 from pilot.evaluation.replay_view import view
-from pilot.evaluation.scores import Intervention, Trajectory
 from pilot.simulator.car import path_curvature
+from pilot.simulator.trajectory import Intervention, Trajectory
 from pilot.vehicle import CAMERAS, HALF_TRACK, MPH
 
 Reference = Literal["road", "path"]

@@ -9,7 +9,8 @@ from matplotlib.ticker import FuncFormatter
 
 from pilot.evaluation.pictures import ASPHALT, GROUND, draw_paths, headline, mark_interventions, side_of_road
 from pilot.evaluation.replay import LIMITS, Reference, Replayable, ReplaySegment
-from pilot.evaluation.scores import Array, Scores, Trajectory
+from pilot.simulator.scores import Scores
+from pilot.simulator.trajectory import Array, Trajectory
 
 BREAK = 20.0  # metres on the drawn axis between two stretches
 PLACES: dict[Reference, str] = {"road": "the usual place on the road", "path": "the driver's smoothed path"}

@@ -22,8 +22,9 @@ from pilot.evaluation.over_socket import run_over_socket
 from pilot.evaluation.pictures import draw_trajectories
 from pilot.evaluation.replay import Replayable, ReplayStep, prepare, replay
 from pilot.evaluation.replay_pictures import draw_replay
-from pilot.evaluation.scores import Scores, Trajectory
 from pilot.simulator.catalogue import load_track
+from pilot.simulator.scores import Scores
+from pilot.simulator.trajectory import Trajectory
 
 Work = Callable[[], Sequence[Trajectory]]  # in any process: to be pickled
 

@@ -9,8 +9,8 @@ from pilot.driving.driver import SteeringPolicy
 from pilot.evaluation.closed_loop import drive_laps
 from pilot.evaluation.conditions import Conditions
 from pilot.evaluation.replay import Replayable, prepare, replay
-from pilot.evaluation.scores import Trajectory
 from pilot.simulator.simulator import Simulator
+from pilot.simulator.trajectory import Trajectory
 from pilot.training.trainer import DrivingCheck
 
 # roads that are in no demonstration; another seed of the start place for each

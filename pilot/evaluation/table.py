@@ -8,8 +8,8 @@ from typing import Any
 
 import pandas as pd
 
-from pilot.evaluation.scores import Interval, Scores
 from pilot.files import write_atomically
+from pilot.simulator.scores import Interval, Scores
 
 COLUMNS = {
     "laps": ("laps", ".2f"),

@@ -67,7 +67,7 @@ def _event_writer(folder: Path) -> "SummaryWriter":
     return SummaryWriter(str(folder))
 
 
-def measure(training: Training) -> ValidationResult:
+def validate_model(training: Training) -> ValidationResult:
     """Drive the validation moments with the network as it is; all processes take part."""
     validation = training.validation
     predicted = training.predict(validation)

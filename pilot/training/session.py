@@ -18,7 +18,14 @@ from pilot.model.networks import NETWORKS
 from pilot.progress import ProgressBar, no_bar, terminal_bar
 from pilot.training.distributed import Processes
 from pilot.training.recipes import TrainingConfig
-from pilot.training.report import SMOOTHED_SECONDS, History, ValidationResult, draw_results, draw_samples, measure
+from pilot.training.report import (
+    SMOOTHED_SECONDS,
+    History,
+    ValidationResult,
+    draw_results,
+    draw_samples,
+    validate_model,
+)
 from pilot.training.trainer import DrivingCheck, Training
 
 STATE = "state.pt"
@@ -114,7 +121,7 @@ def _prepare_state(config: TrainingConfig, training: Training) -> None:
 def keep(path: Path, best: dict[str, Any], log: DrivingLog, training: Training) -> ValidationResult:
     """Write the network of one of the best epochs with what is known about it; all processes take part."""
     network = training.load_weights_of(best)
-    result = measure(training)
+    result = validate_model(training)
     data = {
         "recordings": list(map(str, log.recordings)),
         "rows": len(log.rows),

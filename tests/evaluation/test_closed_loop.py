@@ -13,19 +13,21 @@ from pilot.evaluation.closed_loop import (
     Delay,
     DriveRequest,
     ModelPolicy,
-    Referee,
     SteeringPolicy,
     drive_laps,
     expert_policy,
     run,
+    time_limit,
 )
 from pilot.evaluation.conditions import Conditions, expand_tracks
 from pilot.evaluation.over_socket import run_over_socket
-from pilot.evaluation.scores import Scores, Trajectory, measure
 from pilot.model.checkpoint import Model, save_model
 from pilot.model.networks import build_network
 from pilot.simulator.episode import Episode
+from pilot.simulator.referee import Referee
+from pilot.simulator.scores import Scores, score
 from pilot.simulator.track import Track, closed_road
+from pilot.simulator.trajectory import Trajectory
 from pilot.workers import run_jobs
 
 FRAME = picture(0.0)
@@ -50,7 +52,7 @@ def drive(track: Track, who: object = expert_policy, *, seed: int = 0, **changes
 
 
 def scores(track: Track, who: object = expert_policy, **changes: object) -> Scores:
-    return measure("", [drive(track, who, **changes)])
+    return score("", [drive(track, who, **changes)])
 
 
 def test_the_expert_needs_nobody(winding: Track) -> None:
@@ -64,7 +66,7 @@ def test_the_expert_needs_nobody(winding: Track) -> None:
 
 def test_straight_on_is_put_back_where_it_leaves_the_road_and_comes_to_the_end(winding: Track) -> None:
     driven = drive(winding, straight)
-    found = measure("", [driven])
+    found = score("", [driven])
     assert len(driven.interventions) > 5
     assert found.laps == pytest.approx(1, abs=0.01)
     assert found.cross_track_max == pytest.approx(3.0, abs=0.3)  # half of the road, less half of the car
@@ -86,7 +88,7 @@ def test_lost_frames_make_it_worse_by_their_seed(winding: Track) -> None:
         drive(winding, laps=0.5, lost_frames=share, seed=seed)
         for share, seed in ((0.0, 1), (0.95, 1), (0.95, 1), (0.95, 2))
     )
-    assert measure("", [torn]).cross_track_max > 2 * measure("", [whole]).cross_track_max
+    assert score("", [torn]).cross_track_max > 2 * score("", [whole]).cross_track_max
     assert np.array_equal(torn.positions, same.positions)
     assert not np.array_equal(torn.positions[:500], other.positions[:500])
 
@@ -108,11 +110,12 @@ def test_a_command_waits_its_time() -> None:
 
 def test_a_car_that_gets_nowhere_is_put_back_and_the_drive_ends(winding: Track) -> None:
     car = Episode(winding)
-    referee = Referee(car, laps=1.0, set_speed=20.0)
+    longest = time_limit(winding, 1.0, 20.0)
+    assert longest == pytest.approx(winding.length / (0.25 * 20 * 0.44704))
+    referee = Referee(car, laps=1.0, seconds=longest)
     while not referee.over:
-        referee.see(car.advance(0.0, 0.0))
-        assert len(referee.states) < 20000
-    longest = winding.length / (0.25 * 20 * 0.44704)
+        referee.observe(car.advance(0.0, 0.0))
+        assert referee.ticks < 20000
     assert car.ticks * 0.02 == pytest.approx(longest, abs=0.1)
     assert len(referee.interventions) == longest // 10
     assert {each.reason for each in referee.interventions} == {"no progress"}
@@ -121,9 +124,9 @@ def test_a_car_that_gets_nowhere_is_put_back_and_the_drive_ends(winding: Track) 
 def test_driving_backwards_is_no_progress(winding: Track) -> None:
     car = Episode(winding)
     car.place(20.0, heading_error=math.pi, speed=2.0)
-    referee = Referee(car, laps=1.0, set_speed=20.0)
+    referee = Referee(car, laps=1.0)
     while not referee.interventions:
-        referee.see(car.advance(0.0, 0.0))
+        referee.observe(car.advance(0.0, 0.0))
     assert referee.interventions[0].progress < -3
     assert referee.interventions[0].reason == "no progress"
     assert abs(car.state.heading_error) < 0.01
@@ -144,7 +147,7 @@ def test_side_by_side_or_one_after_another_the_scores_are_the_same() -> None:
         for track, start in (("mountain", 1), ("mountain", 2))
     ]
     alone, together = (dict(run_jobs(run, requests, jobs)) for jobs in (1, 2))
-    first, second = ([measure("", [driven[number]]) for number in range(2)] for driven in (alone, together))
+    first, second = ([score("", [driven[number]]) for number in range(2)] for driven in (alone, together))
     assert first == second
     assert first[0] != first[1]  # each from its own start place
 
@@ -152,7 +155,7 @@ def test_side_by_side_or_one_after_another_the_scores_are_the_same() -> None:
 def test_through_the_socket(tmp_path: Path) -> None:
     save_model(tmp_path / "model.pt", Model("pilotnet", build_network("pilotnet", 1), {}, {}, {}))
     request = DriveRequest(ModelPolicy(tmp_path / "model.pt"), "mountain", Conditions(laps=0.01))
-    found = measure("", [run_over_socket(request)])
+    found = score("", [run_over_socket(request)])
     assert found.laps == pytest.approx(0.01, abs=0.005)
     assert found.speed > 3
 

@@ -25,7 +25,7 @@ from pilot.training.recipes import TrainingConfig
 SHORT = DemonstrationConfig(laps=0.02, recoveries=0, rate=15.0)
 
 
-def quiet(paths: Iterable[str], _count: int) -> Iterable[str]:
+def quiet(paths: Iterable[str], _count: int, _title: str) -> Iterable[str]:
     return paths
 
 

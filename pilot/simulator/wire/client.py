@@ -17,84 +17,48 @@ from pilot.data.frames import Frame, encode_frame
 from pilot.interrupt import catch_interrupt
 from pilot.simulator.clock import TickClock
 from pilot.simulator.episode import CarState, Episode
+from pilot.simulator.referee import WHEN_LOST, Referee
+from pilot.simulator.scores import Scores, score
 from pilot.simulator.wire.connection import HOST, PORT, Link, build_event, parse_event
-from pilot.vehicle import FULL_LOCK, TICK
+from pilot.vehicle import FULL_LOCK
 
 log = logging.getLogger("pilot")
 
 TOKENS = 2  # telemetries on their way: the real client's "open" event fires twice
 FRAME_SECONDS = 1 / 60  # between two frames, and at least between two telemetries, in real time
 TICKS_PER_ANSWER = 2  # as fast as it goes: 40 ms, about what the real simulator takes
-OFF_ROAD_SECONDS, OFF_ROAD_METRES = 2.0, 8.0  # from either on, the car is put back onto the road
 SILENCE_SECONDS = 5.0  # without an answer: then it is said
 NUMBER = re.compile(r"\s*[-+]?[\d,]*\.?\d*(e[-+]?\d+)?\s*", re.ASCII | re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What a drive was like.
+    """What a drive by a server was like.
 
     Attributes:
-        laps: laps driven.
-        seconds, wall_seconds: s since the first answer, simulated and by the clock.
-        departures: times that a wheel left the road; put_backs: times the car had to be put back onto it.
-        mean_speed: mph.
-        mean_offset, largest_offset: metres to either side of the lane's middle.
+        scores: how well it went, since the first answer.
+        departures: times that a wheel left the road.
+        wall_seconds: s by the clock since the first answer.
         answers: answers of the server; lost: those that the real simulator would not have survived.
         reconnects: connections after the first.
     """
 
-    laps: float
-    seconds: float
-    wall_seconds: float
+    scores: Scores
     departures: int
-    put_backs: int
-    mean_speed: float
-    mean_offset: float
-    largest_offset: float
+    wall_seconds: float
     answers: int
     lost: int
     reconnects: int
 
     def __str__(self) -> str:
+        scores = self.scores
         return (
-            f"{self.laps:.2f} laps in {self.seconds:.1f} s ({self.wall_seconds:.1f} s by the clock), "
-            f"{self.mean_speed:.1f} mph on average; {self.mean_offset:.2f} m beside the lane's middle on average, "
-            f"{self.largest_offset:.2f} m at most\n"
-            f"{self.departures} departures from the road, {self.put_backs} put-backs; {self.answers} answers, "
+            f"{scores.laps or 0:.2f} laps in {scores.seconds:.1f} s ({self.wall_seconds:.1f} s by the clock), "
+            f"mean speed {scores.speed:.1f} mph; cross-track error {scores.cross_track_mean:.2f} m on average, "
+            f"{scores.cross_track_max:.2f} m at most\n"
+            f"{self.departures} departures from the road, {scores.interventions} put-backs; {self.answers} answers, "
             f"{self.lost} lost, {self.reconnects} reconnects"
         )
-
-
-class RoadWatch:
-    """Sums up a drive, and notices when the car has left the road for good."""
-
-    def __init__(self, episode: Episode) -> None:
-        self.episode = episode
-        self.ticks, self.departures, self.put_backs = 0, 0, 0
-        self.ticks_off = 0 if episode.on_road else 1  # since the car left the road
-        self.speeds = self.offsets = self.largest_offset = 0.0
-        self.start = episode.laps
-
-    def add(self, state: CarState) -> None:
-        """One tick."""
-        self.ticks += 1
-        self.speeds += state.speed
-        self.offsets += abs(state.cross_track_error)
-        self.largest_offset = max(self.largest_offset, abs(state.cross_track_error))
-        self.departures += not state.on_road and self.ticks_off == 0
-        self.ticks_off = 0 if state.on_road else self.ticks_off + 1
-
-    @property
-    def lost(self) -> bool:
-        """Whether the car will hardly come back by itself."""
-        beyond = abs(self.episode.where.lateral_offset) - self.episode.where.half_width
-        return self.ticks_off * TICK > OFF_ROAD_SECONDS or beyond > OFF_ROAD_METRES
-
-    def put_back(self) -> None:
-        """Put the car onto the road."""
-        self.episode.put_back()
-        self.put_backs, self.ticks_off = self.put_backs + 1, 0
 
 
 class Client:
@@ -104,7 +68,7 @@ class Client:
     `close` at the end.
 
     Attributes:
-        drive: the car on its road.
+        episode: the car on its track.
         command: steering and throttle, -1..1: the server's last.
         manual: steering and throttle of somebody at the keyboard, who then drives instead; None: the server drives.
         answers, lost: as in Summary.
@@ -118,32 +82,28 @@ class Client:
         port: int = PORT,
         host: str = HOST,
         realtime: bool = True,
-        laps: float | None = None,
-        seconds: float | None = None,
-        put_back: bool = True,
+        referee: Referee | None = None,
         patience: float | None = None,
         on_tick: Callable[[CarState], None] | None = None,
     ) -> None:
         """Prepare; the car stands still until the first answer.
 
         Args:
-            drive: the car on its road.
+            episode: the car on its track.
             picture: what the centre camera sees: 160x320x3 uint8 RGB.
             port, host: where the server is.
             realtime: by the clock; else two ticks of 20 ms per answer, as fast as it goes.
-            laps, seconds: where it ends, simulated; None: never.
-            put_back: put the car back when it is off the road for 2 s or 8 m away from it.
+            referee: puts the car back and ends the drive; None: back when it is lost, and no end.
             patience: s by the clock without an answer after which `run` gives up; None: never.
             on_tick: called with every state.
         """
         self.episode, self.picture = episode, picture
-        self.realtime, self.laps, self.seconds, self.patience = realtime, laps, seconds, patience
-        self.put_back, self.on_tick = put_back, on_tick
+        self.realtime, self.patience, self.on_tick = realtime, patience, on_tick
+        self.referee = referee or Referee(episode, rule=WHEN_LOST)
         self.command = (0.0, 0.0)
         self.manual: tuple[float, float] | None = None
         self.answers = self.lost = 0
         self._link = Link(port, host, prompt=not realtime)
-        self._watch = RoadWatch(episode)
         self._owed = 0  # telemetries that were earned and not sent yet
         self._clock = TickClock()
         self._due = 0.0  # when the next telemetry may be sent
@@ -209,25 +169,16 @@ class Client:
 
     @property
     def done(self) -> bool:
-        """Whether the laps or seconds are driven."""
-        laps, seconds = self.episode.laps - self._watch.start, self._watch.ticks * TICK
-        return (self.laps is not None and laps >= self.laps) or (
-            self.seconds is not None and seconds >= self.seconds - TICK / 2
-        )
+        """Whether the drive is over."""
+        return self.referee.over
 
     @property
     def summary(self) -> Summary:
         """The drive so far."""
-        watch, ticks = self._watch, max(self._watch.ticks, 1)
         return Summary(
-            self.episode.laps - watch.start,
-            watch.ticks * TICK,
+            score("drive", [self.referee.trajectory]),
+            self.referee.departures,
             self._ended - self._began,
-            watch.departures,
-            watch.put_backs,
-            watch.speeds / ticks,
-            watch.offsets / ticks,
-            watch.largest_offset,
             self.answers,
             self.lost,
             max(self._link.greetings - 1, 0),
@@ -242,9 +193,7 @@ class Client:
             if self.done:
                 break
             state = self.episode.advance(*(self.manual or self.command))
-            self._watch.add(state)
-            if self.put_back and self._watch.lost:
-                self._watch.put_back()
+            self.referee.observe(state)
             if self.on_tick is not None:
                 self.on_tick(state)
         self._ended = time.monotonic()

@@ -34,7 +34,7 @@ logging.basicConfig(level=logging.INFO, format="%(message)s")
 drive_by_hand("lake", None, Path(sys.argv[1]))
 """
 BY_OTHERS = """
-from pilot.simulator import window
+from pilot.simulator.window import window
 from pilot.simulator.simulator import Simulator
 
 class Control:

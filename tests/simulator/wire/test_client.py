@@ -21,6 +21,7 @@ from conftest import RADIUS, REPOSITORY, circle, picture
 from wire import free_port
 
 from pilot.simulator.episode import CarState, Episode
+from pilot.simulator.referee import NEVER, WHEN_LOST, Referee
 from pilot.simulator.wire.client import Client, build_telemetry, parse_steer
 from pilot.simulator.wire.connection import Connection, parse_event
 from pilot.vehicle import curvature_to_steering
@@ -131,8 +132,14 @@ def serving(answer: Answer, port: int = 0) -> Iterator[FakeServer]:
 
 
 def client_of(server: FakeServer, episode: Episode | None = None, **options: object) -> Client:
-    arguments = {"port": server.port, "realtime": False, "patience": 5.0, **options}
-    return Client(episode or Episode(circle()), lambda _: FRAME, **arguments)
+    episode = episode or Episode(circle())
+    rule = WHEN_LOST if options.pop("put_back", True) else NEVER
+    referee = Referee(episode, laps=options.pop("laps", None), seconds=options.pop("seconds", None), rule=rule)
+    return Client(
+        episode,
+        lambda _: FRAME,
+        **{"port": server.port, "realtime": False, "patience": 5.0, "referee": referee, **options},
+    )
 
 
 def until(condition: Callable[[], object], client: Client, seconds: float = 5.0) -> None:
@@ -329,12 +336,12 @@ def path(answer: Answer, **options: object) -> tuple[list[CarState], Client]:
 def test_drives_around_a_circle_and_stops_after_a_lap() -> None:
     _, client = path(expert, laps=1)
     summary = client.summary
-    assert 1 <= summary.laps < 1.002
-    assert summary.largest_offset < 0.1
-    assert (summary.departures, summary.put_backs, summary.lost, summary.reconnects) == (0, 0, 0, 0)
-    assert summary.mean_speed * 0.44704 * summary.seconds == pytest.approx(2 * math.pi * RADIUS, rel=0.01)
-    assert math.ceil(summary.seconds / 0.04 - 1e-6) == summary.answers
-    assert summary.wall_seconds < summary.seconds
+    assert 1 <= summary.scores.laps < 1.002
+    assert summary.scores.cross_track_max < 0.1
+    assert (summary.departures, summary.scores.interventions, summary.lost, summary.reconnects) == (0, 0, 0, 0)
+    assert summary.scores.speed * 0.44704 * summary.scores.seconds == pytest.approx(2 * math.pi * RADIUS, rel=0.01)
+    assert math.ceil(summary.scores.seconds / 0.04 - 1e-6) == summary.answers
+    assert summary.wall_seconds < summary.scores.seconds
     assert "1.00 laps" in str(summary)
 
 
@@ -400,8 +407,8 @@ def straight(_telemetry: dict[str, str]) -> str:
 
 def test_off_the_road_it_is_put_back_after_two_seconds() -> None:
     states, client = path(right, seconds=20)
-    assert client.summary.put_backs >= 1
-    assert client.summary.departures >= client.summary.put_backs
+    assert client.summary.scores.interventions >= 1
+    assert client.summary.departures >= client.summary.scores.interventions
     off, longest = 0, 0
     for state in states:
         off = 0 if state.on_road else off + 1
@@ -413,15 +420,15 @@ def test_far_off_the_road_it_is_put_back_at_once() -> None:
     episode = Episode(circle())
     episode.place(0, heading_error=-math.pi / 2, speed=25)
     states, client = path(straight, episode=episode, seconds=2)
-    assert client.summary.put_backs == client.summary.departures == 1
-    assert 11.5 < client.summary.largest_offset < 12.3
+    assert client.summary.scores.interventions == client.summary.departures == 1
+    assert 11.5 < client.summary.scores.cross_track_max < 12.3
     assert states[-1].on_road
 
 
 def test_put_back_may_be_left_out() -> None:
     _, client = path(right, seconds=20, put_back=False)
     assert client.summary.departures >= 1
-    assert client.summary.put_backs == 0
+    assert client.summary.scores.interventions == 0
 
 
 # A server that comes and goes
@@ -500,7 +507,8 @@ from pilot.driving.server import DriveServer
 from pilot.driving.websocket import listen
 logging.basicConfig(stream=sys.stdout)
 logging.getLogger("pilot").setLevel(logging.INFO)
-DriveServer(Autopilot(lambda frame: float(sys.argv[2]), ControllerConfig())).serve(listen("127.0.0.1", int(sys.argv[1])))
+autopilot = Autopilot(lambda frame: float(sys.argv[2]), ControllerConfig())
+DriveServer(autopilot).serve(listen("127.0.0.1", int(sys.argv[1])))
 """
 
 
@@ -510,7 +518,10 @@ def test_drives_by_the_project_s_own_server() -> None:
         [sys.executable, "-c", DRIVE_SERVER, str(port), str(EXPERT)], cwd=REPOSITORY, stdout=subprocess.PIPE, text=True
     )
     try:
-        summary = Client(Episode(circle()), lambda _: FRAME, port=port, realtime=False, seconds=4, patience=20).run()
+        episode = Episode(circle())
+        referee = Referee(episode, seconds=4)
+        client = Client(episode, lambda _: FRAME, port=port, realtime=False, referee=referee, patience=20)
+        summary = client.run()
         process.send_signal(signal.SIGINT)
         said, _ = process.communicate(timeout=10)
     finally:
@@ -519,5 +530,5 @@ def test_drives_by_the_project_s_own_server() -> None:
     assert "simulator disconnected" in said
     assert "ERROR" not in said
     assert (summary.answers, summary.lost) == (100, 0)
-    assert summary.mean_speed > 1
-    assert summary.largest_offset < 0.1
+    assert summary.scores.speed > 1
+    assert summary.scores.cross_track_max < 0.1

@@ -6,119 +6,19 @@ Probable Inference, JASA 1927), with every six seconds of driving as one trial t
 """
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pilot.simulator.episode import CarState
+from pilot.simulator.trajectory import SAMPLED_SECONDS, Array, Trajectory
 
-Array = NDArray[np.float64]
 Interval = tuple[float, float]
-Reason = Literal["off the road", "no progress"]
 
 INTERVENTION_SECONDS = 6.0  # that a person needs to take over, bring the car back, and hand it over again
-SAMPLED_SECONDS = 0.1  # between two looks at the steering: recordings and simulators of any rate compare
 NORMAL_QUANTILE = 1.96  # of a 95 % interval
-
-
-@dataclass(frozen=True)
-class Intervention:
-    """A moment when the car had to be put back.
-
-    Attributes:
-        time: s since the start.
-        x, y: metres, where the car was then.
-        progress: metres along the road since the start.
-        reason: what was wrong.
-    """
-
-    time: float
-    x: float
-    y: float
-    progress: float
-    reason: Reason
-
-
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """One drive: what the car did at even times, and when it had to be put back.
-
-    Attributes:
-        times: n, s.
-        positions: n x 2, metres.
-        speeds: n, mph.
-        steering: n, -1..1.
-        progress: n, metres along the road.
-        cross_track_errors: n, metres to the right of where the car should be.
-        heading_errors: n, radians to the right of where it should point.
-        interventions: in order of time.
-        lap: metres of a lap; None where there are no laps.
-    """
-
-    times: Array
-    positions: Array
-    speeds: Array
-    steering: Array
-    progress: Array
-    cross_track_errors: Array
-    heading_errors: Array
-    interventions: tuple[Intervention, ...] = ()
-    lap: float | None = None
-
-    @classmethod
-    def from_states(cls, states: Sequence[CarState], interventions: Sequence[Intervention], lap: float) -> "Trajectory":
-        """The drive that a car's states tell, one at each tick."""
-
-        def column(name: str) -> Array:
-            return np.array([getattr(state, name) for state in states], float)
-
-        return cls(
-            column("time"),
-            np.column_stack([column("x"), column("y")]),
-            column("speed"),
-            column("steering"),
-            column("progress"),
-            column("cross_track_error"),
-            column("heading_error"),
-            tuple(interventions),
-            lap,
-        )
-
-    def moved(self, x: float, y: float) -> "Trajectory":
-        """The same drive elsewhere on the map, by so many metres."""
-        interventions = tuple(dataclasses.replace(each, x=each.x + x, y=each.y + y) for each in self.interventions)
-        return dataclasses.replace(self, positions=self.positions + np.array([x, y]), interventions=interventions)
-
-    @property
-    def seconds(self) -> float:
-        """How long it lasted."""
-        return float(self.times[-1] - self.times[0])
-
-    @property
-    def distance(self) -> float:
-        """Metres made good along the road."""
-        return float(self.progress[-1] - self.progress[0])
-
-    @property
-    def lap_times(self) -> list[float]:
-        """Seconds of each whole lap; the first begins where the drive does."""
-        if self.lap is None:
-            return []
-        laps = int((self.distance + 1e-6) // self.lap)
-        ends = [int(np.argmax(self.progress - self.progress[0] >= lap * self.lap - 1e-6)) for lap in range(laps + 1)]
-        return [float(self.times[after] - self.times[before]) for before, after in itertools.pairwise(ends)]
-
-    @property
-    def steering_rates(self) -> Array:
-        """Changes of the steering per second, from one look at it to the next."""
-        looks = np.arange(self.times[0], self.times[-1], SAMPLED_SECONDS)
-        seen = self.steering[np.searchsorted(self.times, looks + 1e-9, side="right") - 1]
-        return np.asarray(np.diff(seen) / SAMPLED_SECONDS)
 
 
 @dataclass(frozen=True)
@@ -195,7 +95,7 @@ class Scores:
         return cls(**{field.name: values[field.name] for field in dataclasses.fields(cls)})
 
 
-def measure(title: str, trajectories: Sequence[Trajectory]) -> Scores:
+def score(title: str, trajectories: Sequence[Trajectory]) -> Scores:
     """The scores of one drive, or of several together (start places, tracks): every moment counts the same.
 
     Raises:

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pilot.evaluation.scores import Intervention, Scores, Trajectory, measure, wilson
 from pilot.evaluation.table import Evaluation, read_json, table, verdict, write_json
+from pilot.simulator.scores import Scores, score, wilson
+from pilot.simulator.trajectory import Intervention, Trajectory
 
 SECONDS = 120.0
 LAP = 500.0
@@ -45,16 +46,16 @@ def driven(
 
 
 def test_autonomy_is_nvidias() -> None:
-    scores = measure("ten minutes", [driven(600, 10)])
+    scores = score("ten minutes", [driven(600, 10)])
     assert scores.autonomy == pytest.approx(90)  # the paper's own example
     low, high = scores.autonomy_interval
     assert 80 < low < 90 < high < 96
-    assert measure("one", [driven(60, 20)]).autonomy == pytest.approx(-100)  # as it is, below 0
-    assert measure("one", [driven(60, 20)]).autonomy_interval[0] == 0
+    assert score("one", [driven(60, 20)]).autonomy == pytest.approx(-100)  # as it is, below 0
+    assert score("one", [driven(60, 20)]).autonomy_interval[0] == 0
 
 
 def test_an_interval_shrinks_with_more_driving_and_is_never_a_point() -> None:
-    widths = [high - low for low, high in (measure("", [driven()] * count).autonomy_interval for count in (1, 4, 40))]
+    widths = [high - low for low, high in (score("", [driven()] * count).autonomy_interval for count in (1, 4, 40))]
     assert widths[0] > widths[1] > widths[2] > 0
 
 
@@ -67,7 +68,7 @@ def test_wilson_intervals_are_the_textbooks(lost: int, trials: int, low: float, 
 
 
 def test_a_drive_in_figures() -> None:
-    scores = measure("straight", [driven(offset=-0.3)])
+    scores = score("straight", [driven(offset=-0.3)])
     assert (scores.cross_track_mean, scores.cross_track_p95, scores.cross_track_max) == pytest.approx((0.3, 0.3, 0.3))
     assert scores.heading_error == pytest.approx(2)
     assert scores.speed == pytest.approx(22.37, abs=0.01)
@@ -79,7 +80,7 @@ def test_a_drive_in_figures() -> None:
 
 
 def test_smoothness_does_not_depend_on_how_often_the_car_was_looked_at() -> None:
-    often, seldom = (measure("", [driven(every=every)]) for every in (0.02, 0.05))
+    often, seldom = (score("", [driven(every=every)]) for every in (0.02, 0.05))
     assert often.steering_rate == pytest.approx(seldom.steering_rate, rel=0.02)
     assert often.steering_jerk == pytest.approx(seldom.steering_jerk, rel=0.02)
 
@@ -87,13 +88,13 @@ def test_smoothness_does_not_depend_on_how_often_the_car_was_looked_at() -> None
 def test_far_off_moments_show_in_the_tail() -> None:
     drive = driven()
     offsets = np.where(np.arange(len(drive.times)) % 100 < 8, 2.0, 0.1)  # 8 % of the time
-    scores = measure("", [dataclasses.replace(drive, offsets=offsets)])
+    scores = score("", [dataclasses.replace(drive, cross_track_errors=offsets)])
     assert (scores.cross_track_p95, scores.cross_track_max) == (2.0, 2.0)
     assert scores.cross_track_mean == pytest.approx(0.25, abs=0.01)
 
 
 def test_drives_are_pooled_by_time() -> None:
-    pooled = measure("all", [driven(60, 1, offset=1.0), driven(180, 0, offset=0.0)])
+    pooled = score("all", [driven(60, 1, offset=1.0), driven(180, 0, offset=0.0)])
     assert (pooled.interventions, pooled.seconds, pooled.drives, pooled.clean) == (1, pytest.approx(240), 2, 1)
     assert pooled.autonomy == pytest.approx(97.5)
     assert pooled.cross_track_mean == pytest.approx(0.25, abs=0.001)
@@ -101,20 +102,20 @@ def test_drives_are_pooled_by_time() -> None:
 
 
 def test_where_there_are_no_laps_there_is_no_lap_time() -> None:
-    scores = measure("a recording", [driven(lap=None)])
+    scores = score("a recording", [driven(lap=None)])
     assert (scores.laps, scores.lap_time) == (None, None)
-    assert measure("less than a lap", [driven(20)]).lap_time is None
+    assert score("less than a lap", [driven(20)]).lap_time is None
     assert "–" in table([Evaluation("model", (scores,), scores)])
 
 
 def test_nothing_driven_is_refused() -> None:
     with pytest.raises(ValueError, match="lake: nothing was driven"):
-        measure("lake", [])
+        score("lake", [])
 
 
 def test_json_gives_back_what_was_written(tmp_path: Path) -> None:
-    rows = (measure("lake", [driven(60, 2)]), measure("a recording", [driven(lap=None)]))
-    evaluation = Evaluation("model", rows, measure("all", [driven(60, 2), driven(lap=None)]))
+    rows = (score("lake", [driven(60, 2)]), score("a recording", [driven(lap=None)]))
+    evaluation = Evaluation("model", rows, score("all", [driven(60, 2), driven(lap=None)]))
     path = tmp_path / "new" / "scores.json"
     write_json(path, [evaluation], {"laps": 1, "out": tmp_path})
     assert read_json(path) == [evaluation]
@@ -128,8 +129,8 @@ def test_json_gives_back_what_was_written(tmp_path: Path) -> None:
 
 
 def test_the_table_has_a_row_per_track_and_models_side_by_side() -> None:
-    rows = tuple(measure(title, [driven(60, 3)]) for title in ("lake", "jungle reversed"))
-    first = Evaluation("first", rows, measure("all", [driven(60, 3)] * 2))
+    rows = tuple(score(title, [driven(60, 3)]) for title in ("lake", "jungle reversed"))
+    first = Evaluation("first", rows, score("all", [driven(60, 3)] * 2))
     lines = table([first]).splitlines()
     assert [line.split("  ")[0] for line in lines[1:]] == ["lake", "jungle reversed", "all"]
     assert "70.0" in lines[1]
