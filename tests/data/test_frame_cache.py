@@ -114,7 +114,7 @@ def test_trouble_with_the_disk_is_told_and_does_not_stop(pictures: list[str], tm
 
 
 def test_ctrl_c_leaves_no_half_file(pictures: list[str], tmp_path: Path) -> None:
-    def interrupted(paths: list[str], _count: int) -> object:
+    def interrupted(paths: list[str], _count: int, _title: str) -> object:
         yield paths[0]
         raise KeyboardInterrupt
 
