@@ -64,7 +64,7 @@ def driving(model: Path, run: Path) -> Iterator[None]:
     """drive.py drives the lake in the built-in simulator, and records it."""
     commands = (
         ["drive.py", str(model), str(run), "--port", PORT],
-        ["simulator.py", "drive", "--track", "lake", "--headless", "--port", PORT],
+        ["simulator.py", "connect", "--track", "lake", "--headless", "--port", PORT],
     )
     processes = [subprocess.Popen([sys.executable, str(ROOT / script), *rest]) for script, *rest in commands]
     try:

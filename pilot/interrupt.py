@@ -19,6 +19,11 @@ class Interrupt:
             raise KeyboardInterrupt
         self.asked = True
 
+    def raise_if_asked(self) -> None:
+        """End with KeyboardInterrupt, now that everything is consistent, if the user asked to stop."""
+        if self.asked:
+            raise KeyboardInterrupt
+
 
 @contextmanager
 def catch_interrupt() -> Iterator[Interrupt]:

@@ -42,7 +42,16 @@ def test_a_model_of_the_default_command_drives_the_lake(tmp_path: Path) -> None:
     with serving(tmp_path, "model.pt", "--port", port, "--speed", "20", "--frame-seconds", "0.04"):
         driven = subprocess.run(
             command(
-                "simulator.py", "drive", "--track", "lake", "--laps", str(LAPS), "--headless", "--fast", "--port", port
+                "simulator.py",
+                "connect",
+                "--track",
+                "lake",
+                "--laps",
+                str(LAPS),
+                "--headless",
+                "--fast",
+                "--port",
+                port,
             ),
             cwd=tmp_path,
             capture_output=True,

@@ -77,7 +77,15 @@ class DriveServer:
             self.socketio.on(name, handler)
 
     def serve(self, listener: PromptSocket, page: Callable[..., Any] | None = None) -> None:
-        """Serve until Ctrl-C; `page` is the WSGI application for everything that is not the simulator."""
+        """Serve until Ctrl-C.
+
+        Args:
+            listener: where the simulator connects.
+            page: the WSGI application for everything that is not the simulator.
+
+        Raises:
+            KeyboardInterrupt: on Ctrl-C or SIGTERM.
+        """
         application = socketio.WSGIApp(self.socketio, page)
         tasks = [
             eventlet.spawn(eventlet.wsgi.server, listener, application, log_output=False, debug=False),
@@ -90,6 +98,7 @@ class DriveServer:
         for task in tasks:
             if task.dead:
                 task.wait()  # raises what it died of
+        interrupt.raise_if_asked()
 
     def _connect(self, connection: str, _environment: dict[str, Any]) -> None:
         # no steer from here: it would only put a third, staler telemetry on the way

@@ -18,7 +18,7 @@ from pilot.simulator.trajectory import Trajectory
 from pilot.simulator.wire.client import TICKS_PER_ANSWER, Client
 from pilot.vehicle import TICK
 
-DRIVE_PY = Path(__file__).parents[2] / "drive.py"
+PACKAGE = Path(__file__).parents[2]  # where `pilot` is imported from: in a clone it is not installed
 PATIENCE_SECONDS = 30.0  # by the clock, without an answer
 LAST_WORDS = "episode.log"
 
@@ -80,7 +80,7 @@ def _serving(request: DriveRequest, folder: Path) -> Iterator[tuple["subprocess.
             stdout=subprocess.PIPE,
             stderr=words,
             text=True,
-            env=os.environ | {"OMP_NUM_THREADS": "1"},
+            env=_environment(),
         ) as process,
     ):
         try:
@@ -106,7 +106,22 @@ def _command(request: DriveRequest, folder: Path, port: int) -> list[str]:
         for word in (f"--{name.replace('_', '-')}", str(value))
     ]
     clock = ["--frame-seconds", str(TICKS_PER_ANSWER * TICK)]
-    return [sys.executable, str(DRIVE_PY), str(request.driver.path), *run, "--port", str(port), *clock, *options]
+    return [
+        sys.executable,
+        "-m",
+        "pilot.commands.drive",
+        str(request.driver.path),
+        *run,
+        "--port",
+        str(port),
+        *clock,
+        *options,
+    ]
+
+
+def _environment() -> dict[str, str]:
+    paths = [str(PACKAGE), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def _free_port() -> int:

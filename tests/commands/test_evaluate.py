@@ -14,7 +14,7 @@ import cv2
 import pytest
 from conftest import REPOSITORY
 
-import evaluate
+from pilot.commands import evaluate as evaluate_command
 from pilot.evaluation.table import read_json
 from pilot.model.checkpoint import Model, save_model
 from pilot.model.networks import build_network
@@ -38,7 +38,7 @@ def save(name: str, seed: int = 1) -> Path:
 
 def test_a_table_figures_and_pictures(capsys: pytest.CaptureFixture[str]) -> None:
     save("model.pt")
-    assert evaluate.main(["model.pt", *SHORT]) == 0
+    assert evaluate_command.main(["model.pt", *SHORT]) == 0
     printed = capsys.readouterr().out
     lines = printed.splitlines()
     assert [line.split("  ")[0] for line in lines[1:4]] == ["mountain", "mountain reversed", "all"]
@@ -72,7 +72,7 @@ def test_models_side_by_side_with_lights_start_places_and_video(capsys: pytest.C
         "--out",
         "new/figures",
     ]
-    assert evaluate.main(arguments) == 0
+    assert evaluate_command.main(arguments) == 0
     head, _, row, *_ = capsys.readouterr().out.splitlines()
     assert "model" in head
     assert "expert" in head
@@ -90,9 +90,9 @@ def test_a_recording_is_replayed(capsys: pytest.CaptureFixture[str]) -> None:
     save("model.pt")
     record("lake", DemonstrationConfig(laps=0.12, rate=10), Path("mine/laps"))
     arguments = ["--recordings", "mine/laps", "--jobs", "1", "--out"]
-    assert evaluate.main(["model.pt", *arguments, "whole"]) == 0
+    assert evaluate_command.main(["model.pt", *arguments, "whole"]) == 0
     assert capsys.readouterr().out.splitlines()[1].startswith("laps (by the ")
-    assert evaluate.main(["model.pt", *arguments, "part", "--last-part", "0.6", "--video"]) == 0
+    assert evaluate_command.main(["model.pt", *arguments, "part", "--last-part", "0.6", "--video"]) == 0
     assert cv2.imread("part/model/replay-laps.png").shape[1] > 1000
     seconds = [read_json(Path(folder) / "scores.json")[0].total.seconds for folder in ("whole", "part")]
     assert seconds[1] == pytest.approx(0.6 * seconds[0], rel=0.05)
@@ -102,7 +102,7 @@ def test_a_recording_is_replayed(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_models_of_the_same_name_are_told_apart() -> None:
-    assert evaluate.name_paths([Path("a/model.pt"), Path("b/model.pt"), Path("c/other.pt")]) == [
+    assert evaluate_command.name_paths([Path("a/model.pt"), Path("b/model.pt"), Path("c/other.pt")]) == [
         "a-model",
         "b-model",
         "other",
@@ -169,7 +169,7 @@ def test_it_ends_with_all_its_processes(ended_by: signal.Signals) -> None:
     ],
 )
 def test_errors_in_one_sentence(arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert evaluate.main(arguments) == 1
+    assert evaluate_command.main(arguments) == 1
     error = capsys.readouterr().err.strip()
     assert error.startswith(f"evaluate.py: {says}") or says in error
     assert "\n" not in error
@@ -179,15 +179,15 @@ def test_errors_in_one_sentence(arguments: list[str], says: str, capsys: pytest.
 def test_what_cannot_be_replayed_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     save("model.pt")
     Path("empty").mkdir()
-    assert evaluate.main(["model.pt", "--recordings", "empty", "--jobs", "1"]) == 1
+    assert evaluate_command.main(["model.pt", "--recordings", "empty", "--jobs", "1"]) == 1
     assert "empty" in capsys.readouterr().err
     record("mountain", DemonstrationConfig(laps=0.01, rate=10), Path("short"))
-    assert evaluate.main(["model.pt", "--recordings", "short", "--jobs", "1"]) == 1
+    assert evaluate_command.main(["model.pt", "--recordings", "short", "--jobs", "1"]) == 1
     assert "no drive of five seconds" in capsys.readouterr().err
 
 
 def test_the_report_of_before_stays_when_it_goes_wrong() -> None:
     Path("evaluation").mkdir()
     Path("evaluation/scores.json").write_text("precious")
-    assert evaluate.main(["absent.pt"]) == 1
+    assert evaluate_command.main(["absent.pt"]) == 1
     assert Path("evaluation/scores.json").read_text() == "precious"

@@ -14,7 +14,7 @@ import pytest
 import torch
 from conftest import REPOSITORY, Recording
 
-import model
+from pilot.commands import train as train_command
 from pilot.model.checkpoint import load_model
 
 SMALL = ["--network", "pilotnet", "--samples.block-seconds", "1", "--batch-size", "32", "--augment.viewpoint", "0"]
@@ -37,7 +37,7 @@ def train(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     monkeypatch.chdir(tmp_path)
 
     def train(*arguments: str, fails: bool = False) -> str:
-        assert (model.main(arguments) != 0) == fails
+        assert (train_command.main(arguments) != 0) == fails
         return "".join(capsys.readouterr())
 
     return train
@@ -151,7 +151,7 @@ def test_wrong_options_are_named_and_the_old_model_stays(
     monkeypatch.chdir(tmp_path)
     Path("model.pt").write_text("precious")
     try:
-        code = model.main(arguments)
+        code = train_command.main(arguments)
     except SystemExit as stop:  # the option parser's own way
         code = stop.code
     assert code != 0

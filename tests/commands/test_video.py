@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import picture, stamp, steering_of, write_picture
 
-import video
+from pilot.commands import video as video_command
 from pilot.model.checkpoint import Model, save_model
 from pilot.model.networks import build_network
 from pilot.video.clip import frame_rate
@@ -30,7 +30,7 @@ def frames_of(path: Path) -> list[np.ndarray]:
 
 
 def test_makes_a_clip_that_browsers_play(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert video.main(["run1"]) == 0
+    assert video_command.main(["run1"]) == 0
     with av.open(str(tmp_path / "run1.mp4")) as container:
         stream = container.streams.video[0]
         assert (stream.codec_context.name, stream.codec_context.pix_fmt) == ("h264", "yuv420p")
@@ -43,7 +43,7 @@ def test_makes_a_clip_that_browsers_play(run: Path, tmp_path: Path, capsys: pyte
 
 
 def test_frames_a_second_can_be_chosen_and_come_from_the_names(run: Path, tmp_path: Path) -> None:
-    assert video.main(["run1/", "--fps", "30", "--out", "fast.mp4"]) == 0
+    assert video_command.main(["run1/", "--fps", "30", "--out", "fast.mp4"]) == 0
     with av.open("fast.mp4") as container:
         assert float(container.streams.video[0].average_rate) == 30
     assert frame_rate([Path("a.jpg"), Path("b.jpg")]) == 15
@@ -51,9 +51,9 @@ def test_frames_a_second_can_be_chosen_and_come_from_the_names(run: Path, tmp_pa
 
 @pytest.mark.parametrize("option", ["--wheel", "--speed", "--path"])
 def test_each_overlay_draws_something(run: Path, option: str) -> None:
-    video.main(["run1", "--speed", "--wheel", "--path", "--out", "all.mp4"])
+    video_command.main(["run1", "--speed", "--wheel", "--path", "--out", "all.mp4"])
     others = {"--wheel", "--speed", "--path"} - {option}
-    video.main(["run1", *others, "--out", "without.mp4"])
+    video_command.main(["run1", *others, "--out", "without.mp4"])
     with_it, without = frames_of(Path("all.mp4"))[9], frames_of(Path("without.mp4"))[9]
     assert with_it.shape == (320, 640, 3)
     assert (np.abs(with_it.astype(int) - without) > 60).sum() > 200
@@ -61,13 +61,13 @@ def test_each_overlay_draws_something(run: Path, option: str) -> None:
 
 def test_saliency_of_a_model(run: Path) -> None:
     save_model(Path("model.pt"), Model("pilotnet", build_network("pilotnet", 1), {}, {}, {}))
-    assert video.main(["run1", "--saliency", "model.pt"]) == 0
-    assert video.main(["run1", "--saliency", "absent.pt"]) == 1
+    assert video_command.main(["run1", "--saliency", "model.pt"]) == 0
+    assert video_command.main(["run1", "--saliency", "absent.pt"]) == 1
 
 
 def test_works_without_a_log_and_says_so(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (run / "driving_log.csv").unlink()
-    assert video.main(["run1", "--wheel"]) == 0
+    assert video_command.main(["run1", "--wheel"]) == 0
     assert "there is no driving_log.csv" in capsys.readouterr().out
 
 
@@ -76,7 +76,7 @@ def test_damaged_frames_are_counted_and_other_sizes_scaled(run: Path, capsys: py
     (run / f"{stamp(4)}.jpg").write_text("no picture")
     write_picture(run / f"{stamp(5)}.jpg", picture(0)[::2, ::2])
     write_picture(run / f"{stamp(0)}.jpg", picture(0)[:159, :319])  # odd sizes are cut to even ones
-    assert video.main(["run1"]) == 0
+    assert video_command.main(["run1"]) == 0
     assert "28 frames, 2.8 s; 2 pictures could not be read" in capsys.readouterr().out
     assert {frame.shape for frame in frames_of(Path("run1.mp4"))} == {(158, 318, 3)}
 
@@ -85,7 +85,7 @@ def test_a_recording_of_the_simulator_makes_a_clip_too(run: Path) -> None:
     (run / "IMG").mkdir()
     for path in run.glob("*.jpg"):
         shutil.move(path, run / "IMG" / f"center_{path.name}")
-    assert video.main(["run1"]) == 0
+    assert video_command.main(["run1"]) == 0
     assert len(frames_of(Path("run1.mp4"))) == 30
 
 
@@ -103,7 +103,7 @@ def test_errors_name_the_cure_and_the_old_clip_stays(
 ) -> None:
     Path("run1.mp4").write_text("precious")
     prepare(run)
-    assert video.main(arguments) == 1
+    assert video_command.main(arguments) == 1
     assert says in capsys.readouterr().err
     assert Path("run1.mp4").read_text() == "precious"
     assert not list(Path().glob(".*.part"))

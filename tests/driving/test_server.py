@@ -79,7 +79,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     server = Server(tmp_path_factory.mktemp("drive"))
     yield server
     assert "Traceback" not in server.text()
-    assert server.stop() == 0
+    assert server.stop() == 130
 
 
 def steers(client: WireClient, message: dict[str, object] | None) -> tuple[str, dict[str, str]]:
@@ -194,7 +194,7 @@ def test_a_drive_is_recorded_and_makes_a_clip(tmp_path: Path) -> None:
     server = Server(tmp_path, "run1", "--speed", "15")
     with server.client() as client:
         drive(client, MESSAGE, 40)
-    assert server.stop() == 0
+    assert server.stop() == 130
     assert "python video.py run1" in server.text()
     rows = read_driving_logs([tmp_path / "run1"]).rows
     assert 30 <= len(rows) <= 42  # frames within one millisecond share a name

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-import model
+from pilot.commands import train as train_command
 from pilot.evaluation import selection
 from pilot.evaluation.conditions import Conditions
 from pilot.model.checkpoint import load_model
@@ -22,7 +22,7 @@ def test_a_training_keeps_what_drives_best_and_says_so(
     monkeypatch.setattr(selection, "ROADS", ("mountain",))
     monkeypatch.setattr(selection, "SHORT", Conditions(laps=0.01))
     record("mountain", DemonstrationConfig(laps=0.5, rate=5), Path("laps"))
-    assert model.main(["--data", "laps", "--select", select, *OPTIONS]) == 0
+    assert train_command.main(["--data", "laps", "--select", select, *OPTIONS]) == 0
     output = capsys.readouterr().out
     assert "interventions, " in output.split("epoch   2/2")[1]
     assert "drove best" in output
@@ -33,5 +33,5 @@ def test_a_training_keeps_what_drives_best_and_says_so(
 
 
 def test_single_moments_cannot_be_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert model.main(["--data", str(tmp_path), "--select", "replay", "--samples.split", "moments"]) == 1
+    assert train_command.main(["--data", str(tmp_path), "--select", "replay", "--samples.split", "moments"]) == 1
     assert "--select replay with --samples.split moments" in capsys.readouterr().err

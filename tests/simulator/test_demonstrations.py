@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from conftest import REPOSITORY
 
-import model
+from pilot.commands import train as train_command
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import decode_frame, encode_frame
 from pilot.data.log_format import LOG_NAME
@@ -150,12 +150,12 @@ def small_demonstration(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("small_demonstration")
 def test_an_empty_folder_gets_a_demonstration_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    model.record_if_empty(tmp_path / "data")
+    train_command.record_if_empty(tmp_path / "data")
     assert "the built-in simulator records demonstration laps" in capsys.readouterr().out
     logs = sorted((tmp_path / "data").rglob(LOG_NAME))
     assert [log.parent.name for log in logs] == ["lake", "random-5-reversed"]
     assert Path(logs[0].read_text().split(",")[0]).exists()  # the log names the final place
-    model.record_if_empty(tmp_path / "data")
+    train_command.record_if_empty(tmp_path / "data")
     assert capsys.readouterr().out == ""
     assert TrainingConfig().folders == (Path("data"),)
 
@@ -167,7 +167,7 @@ def test_an_interrupted_demonstration_goes_on_and_is_never_half(tmp_path: Path) 
     leftover = tmp_path / "data" / "built_in" / ".random-5-reversed.part"
     (leftover / "IMG").mkdir(parents=True)
     (leftover / LOG_NAME).write_text("half a")
-    model.record_if_empty(tmp_path / "data")
+    train_command.record_if_empty(tmp_path / "data")
     assert (tmp_path / "data" / "built_in" / "lake" / LOG_NAME).read_bytes() == before
     assert not leftover.exists()
     assert len(read_driving_logs([tmp_path / "data"], quiet).recordings) == 2
@@ -176,18 +176,18 @@ def test_an_interrupted_demonstration_goes_on_and_is_never_half(tmp_path: Path) 
 @pytest.mark.usefixtures("small_demonstration")
 def test_a_users_own_laps_are_not_added_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert model.parse_options([]).recipe == "built-in"
+    assert train_command.parse_options([]).recipe == "built-in"
     demonstrations.record("lake", SHORT, tmp_path / "data" / "mine")
-    model.record_if_empty(Path("data"))
+    train_command.record_if_empty(Path("data"))
     assert not (tmp_path / "data" / "built_in").exists()
-    assert model.parse_options([]).recipe == "default"
+    assert train_command.parse_options([]).recipe == "default"
 
 
 def test_built_in_laps_are_not_mirrored_and_named_ones_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The expert keeps to the right of two lanes: a mirrored picture would show it on the left."""
     monkeypatch.chdir(tmp_path)
-    assert model.parse_options([]).augment.flip == 0
-    assert model.parse_options([]).augment.viewpoint_lookahead == LOOKAHEAD  # one law of coming back
-    assert model.parse_options(["--data", "laps"]).augment.flip == 0.5
-    assert model.parse_options(["--augment.flip", "0.3"]).augment.flip == 0.3
-    assert model.parse_options(["--recipe", "lenet-drop-zeros"]).network == "lenet"
+    assert train_command.parse_options([]).augment.flip == 0
+    assert train_command.parse_options([]).augment.viewpoint_lookahead == LOOKAHEAD  # one law of coming back
+    assert train_command.parse_options(["--data", "laps"]).augment.flip == 0.5
+    assert train_command.parse_options(["--augment.flip", "0.3"]).augment.flip == 0.3
+    assert train_command.parse_options(["--recipe", "lenet-drop-zeros"]).network == "lenet"

@@ -48,7 +48,7 @@ CLEARANCE = 1.0  # metres, that it keeps from the ground
 SWING_SECONDS = 0.35  # in which it follows the car's turns
 NO_DISPLAY = (
     "no window can be opened: there is no display. Without one there are `python simulator.py record` and "
-    "`python simulator.py drive --headless`; `xvfb-run` makes a display that nobody sees"
+    "`python simulator.py connect --headless`; `xvfb-run` makes a display that nobody sees"
 )
 
 
@@ -197,7 +197,7 @@ class Window:
     # The loop
 
     def run(self, control: Control) -> None:
-        """Show the drive until its end, Escape, the window's closing or Ctrl-C."""
+        """Show the drive until its end, Escape or the window's closing; Ctrl-C raises KeyboardInterrupt."""
         self._hud.keys = (
             (DRIVING_KEYS if isinstance(control, HandDriving) else "") + (RECORDING_KEYS if self.capture else "") + KEYS
         )
@@ -209,6 +209,7 @@ class Window:
                 control.advance(then - before)
                 self.draw(then - before)
                 self.handle_keys()
+            interrupt.raise_if_asked()
 
     def handle_keys(self) -> None:
         """Do what the keys pressed since the last call ask for."""

@@ -113,9 +113,10 @@ class Client:
     # Driving
 
     def run(self) -> Summary:
-        """Drive until the end, or Ctrl-C.
+        """Drive until the end.
 
         Raises:
+            KeyboardInterrupt: on Ctrl-C, after taking leave of the server.
             TimeoutError: the server's silence lasts longer than the patience.
         """
         self._heard = then = time.monotonic()
@@ -129,6 +130,7 @@ class Client:
                         self.advance(then - before)
                     else:
                         self.step(0.1)
+                interrupt.raise_if_asked()
         finally:
             self.close()
         return self.summary

@@ -1,0 +1,118 @@
+"""Train a network to steer: python model.py --data RECORDING (see --help)."""
+
+import argparse
+import dataclasses
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import tyro
+from tqdm import tqdm
+
+from pilot import cli
+from pilot.data.log_format import LOG_NAME
+from pilot.training.recipes import RECIPES, TrainingConfig, config_from_jsonable
+
+PROGRAM = cli.program("model.py")
+BUILT_IN = "built_in"  # folder in data/ for the built-in simulator's recordings
+MAY_CHANGE = {"resume", "epochs", "patience", "min_delta", "tensorboard", "device", "cache_gb"}  # in a resumed training
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Train as the options (by default the command line's) say; returns the exit code."""
+
+    def train() -> None:
+        config = parse_options(sys.argv[1:] if arguments is None else arguments)
+        config.check()
+        run(config)
+
+    return cli.run(PROGRAM, train)
+
+
+def run(config: TrainingConfig) -> None:
+    """Record where there is nothing, and train.
+
+    Raises:
+        NoUsableData, UnusableModel, ValueError, OSError: with the cure in the message.
+    """
+    # imported here: --help and wrong options need not wait for torch, nor the processes that record
+    from pilot.training.devices import choose_device
+    from pilot.training.distributed import join_processes
+    from pilot.training.session import train
+
+    choose_device(config.device)  # refuse a wrong one before minutes of reading
+    with join_processes() as processes:
+        if processes.is_main and not config.data:
+            record_if_empty(*config.folders)
+        processes.barrier()
+        train(config, processes)
+
+
+def record_if_empty(folder: Path) -> None:
+    """Where a folder holds no recordings of the user's own, have the built-in simulator's expert record some.
+
+    Raises:
+        OSError: the folder cannot be written to.
+    """
+    from pilot.simulator.demonstrations import missing_demonstrations, record_demonstrations  # takes a while to import
+
+    built_in = folder / BUILT_IN
+    if not has_own_recordings(folder) and (missing := missing_demonstrations(built_in)):
+        print(
+            f"There are no recordings in {folder}{os.sep}: the built-in simulator records demonstration laps, normal "
+            f"ones and recoveries, both ways round, into {built_in}{os.sep}",
+            flush=True,
+        )
+        for _ in tqdm(record_demonstrations(built_in, missing), "recording", len(missing), unit=" tracks"):
+            pass
+
+
+def has_own_recordings(folder: Path) -> bool:
+    """Whether there are recordings in a folder that the built-in simulator did not put there."""
+    return any(folder / BUILT_IN not in log.parents for log in folder.rglob(LOG_NAME))
+
+
+# Options
+
+
+def parse_options(arguments: Sequence[str]) -> TrainingConfig:
+    """The configuration: the recipe's or the interrupted training's, changed by the options.
+
+    Raises:
+        ValueError: an option's value cannot work, or does not fit the training to be resumed.
+    """
+    early = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    early.add_argument("--recipe")
+    early.add_argument("--data", action="append")
+    early.add_argument("--resume", action="store_true")
+    early.add_argument("--out", type=Path, default=TrainingConfig.out)
+    first, _ = early.parse_known_args(arguments)
+    if first.resume:
+        return _resumed_options(arguments, first.out)
+    own = first.data or has_own_recordings(*TrainingConfig().folders)
+    recipe = first.recipe or ("default" if own else "built-in")
+    if recipe not in RECIPES:
+        raise ValueError(f"--recipe {recipe}: there are {', '.join(RECIPES)}")
+    return tyro.cli(TrainingConfig, prog=PROGRAM, args=arguments, default=RECIPES[recipe])
+
+
+def _resumed_options(arguments: Sequence[str], out: Path) -> TrainingConfig:
+    from pilot.model.checkpoint import load_values
+    from pilot.training.session import STATE
+
+    state = load_values(
+        dataclasses.replace(TrainingConfig(), out=out).report / STATE,
+        "there is no interrupted training to resume; start one without --resume",
+    )
+    saved = config_from_jsonable(state["config"])
+    config = tyro.cli(TrainingConfig, prog=PROGRAM, args=arguments, default=dataclasses.replace(saved, data=()))
+    config = dataclasses.replace(config, data=config.data or saved.data)
+    for field in dataclasses.fields(config):
+        before, now = getattr(saved, field.name), getattr(config, field.name)
+        if before != now and field.name not in MAY_CHANGE:
+            raise ValueError(
+                f"this training began with {field.name} {before}, not {now}: "
+                "leave the option out, or start anew without --resume"
+            )
+    return config

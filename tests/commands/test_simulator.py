@@ -1,0 +1,25 @@
+"""python simulator.py: its commands and exit codes."""
+
+import pytest
+
+from pilot import cli
+from pilot.commands import simulator
+
+
+@pytest.mark.parametrize("word", ["connect", "drive"])  # drive: its former name
+def test_connect_has_two_names(word: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert simulator.main([word, "--fast"]) == 1
+    assert capsys.readouterr().err == "simulator.py: --fast: a window shows real time; add --headless\n"
+
+
+def test_errors_and_ctrl_c_end_every_command_alike(capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt("no clip was written")
+
+    def failing() -> None:
+        raise OSError("the disk is full: make room")
+
+    assert cli.run("video.py", interrupted) == 130
+    assert cli.run("video.py", failing) == 1
+    assert cli.run("video.py", lambda: None) == 0
+    assert capsys.readouterr().err == "\nInterrupted: no clip was written.\nvideo.py: the disk is full: make room\n"
