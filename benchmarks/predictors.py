@@ -31,7 +31,7 @@ from pilot.simulator.demonstration import DemonstrationConfig
 from pilot.simulator.demonstrations import record
 from pilot.simulator.scores import score
 from pilot.training import plots
-from pilot.workers import run_jobs
+from pilot.workers import run_tasks
 
 WANDERING = DemonstrationConfig(laps=1, rate=10, wander=0.5)
 PATH_LIMITS = (1.0, 2.0)
@@ -124,7 +124,7 @@ def main() -> None:
         for track in expand_tracks(options.tracks)
     ]
     todo = [functools.partial(judge, options.data, *job) for job in jobs if job[1]]
-    for _, rows in tqdm(run_jobs(operator.call, todo), "tracks", len(todo)):
+    for _, rows in tqdm(run_tasks(operator.call, todo), "tracks", len(todo)):
         results = pd.concat([results, pd.DataFrame(rows)])
         results.to_csv(results_file, index=False)
     print(results.to_string(index=False, float_format="{:.4g}".format))

@@ -1,4 +1,4 @@
-"""Several processes for independent jobs, which end with us: on Ctrl-C, when a job fails, or when we are killed."""
+"""Independent tasks in several processes, which end with this one: on Ctrl-C, after an error, or when it is killed."""
 
 import multiprocessing
 import os
@@ -6,45 +6,86 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass
+from multiprocessing.process import BaseProcess
 from types import FrameType
-from typing import Generic, TypeVar
+from typing import TypeVar
 
-Job = TypeVar("Job")
+Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 
-def run_jobs(
-    do: Callable[[Job], Result],
-    jobs: Sequence[Job],
+class WorkerKilledError(RuntimeError):
+    """A worker process has ended in the middle of a task; the message names the usual reason and the cure."""
+
+
+def run_tasks(
+    do: Callable[[Task], Result],
+    tasks: Sequence[Task],
     processes: int | None = None,
+    set_up: Callable[[], None] | None = None,
 ) -> Iterator[tuple[int, Result]]:
-    """Do jobs side by side; yields the number of each and its result as it is done.
+    """Do tasks side by side; yields the number of each and its result as it is done.
 
     Args:
-        do: what is done with a job; like the jobs and results, it must be picklable.
-        jobs: what is to be done.
-        processes: at the same time; one for each core if None.
+        do: what is done with a task; like the tasks, the results and `set_up`, it must be picklable.
+        tasks: what is to be done.
+        processes: at the same time; one for each core if None. One task or process is done in this process.
+        set_up: called once in each worker process, for its process-wide settings.
 
     Raises:
-        Whatever `do` raises; the other jobs are given up.
+        WorkerKilledError: a worker process was killed.
+        Whatever `do` raises; the other tasks are given up.
     """
-    processes = min(processes or os.cpu_count() or 1, len(jobs))
+    processes = min(processes or os.cpu_count() or 1, len(tasks))
     if processes <= 1:
-        yield from ((number, do(job)) for number, job in enumerate(jobs))
+        yield from ((number, do(task)) for number, task in enumerate(tasks))
         return
+    with _workers(processes, set_up) as executor:
+        with _holding_ctrl_c():  # the first call starts the processes
+            numbers: dict[Future[Result], int] = {
+                executor.submit(_do, do, task): number for number, task in enumerate(tasks)
+            }
+        try:
+            for future in as_completed(numbers):
+                yield numbers[future], future.result()
+        except BrokenProcessPool as error:
+            raise WorkerKilledError(
+                "a worker process was killed, as the system does when memory runs out: close other programs, or run "
+                "fewer at the same time (--jobs)"
+            ) from error
+
+
+@contextmanager
+def _workers(processes: int, set_up: Callable[[], None] | None) -> Iterator[ProcessPoolExecutor]:
+    """Processes for the block; when it fails or is left early, what they are doing is ended."""
+    others = set(multiprocessing.active_children())
     # spawned, not forked: the renderer and torch keep threads
-    with _holding_ctrl_c():
-        pool = multiprocessing.get_context("spawn").Pool(processes, _begin)
-    with pool:
-        yield from pool.imap_unordered(_Numbered(do), enumerate(jobs))
+    executor = ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _begin, (set_up,))
+    try:
+        yield executor
+    except BaseException:
+        executor.shutdown(wait=False, cancel_futures=True)
+        _end(set(multiprocessing.active_children()) - others)
+        raise
+    executor.shutdown()
 
 
-def _begin() -> None:
+def _end(workers: set[BaseProcess]) -> None:
+    for worker in workers:
+        worker.terminate()
+    for worker in workers:
+        worker.join()
+
+
+def _begin(set_up: Callable[[], None] | None) -> None:
     """A worker leaves Ctrl-C to its parent, which ends it; and does not outlive that one."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    if set_up:
+        set_up()
 
 
 def _end_with_parent() -> None:
@@ -67,20 +108,15 @@ def _holding_ctrl_c() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-@dataclass(frozen=True)
-class _Numbered(Generic[Job, Result]):
-    """Does a job in a worker; when the parent ends us, what the job started and wrote is cleared away."""
-
-    do: Callable[[Job], Result]
-
-    def __call__(self, numbered: tuple[int, Job]) -> tuple[int, Result]:
-        signal.signal(signal.SIGTERM, _leave)
-        try:
-            return numbered[0], self.do(numbered[1])
-        except SystemExit:
-            os._exit(1)  # at once: the interpreter's own end may wait for locks that others hold
-        finally:
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+def _do(do: Callable[[Task], Result], task: Task) -> Result:
+    """Do a task in a worker; when the parent ends us, what the task started and wrote is cleared away."""
+    signal.signal(signal.SIGTERM, _leave)
+    try:
+        return do(task)
+    except SystemExit:
+        os._exit(1)  # at once: the interpreter's own end may wait for locks that others hold
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _leave(_signal: int, _frame: FrameType | None) -> None:

@@ -147,11 +147,11 @@ def recording_scenarios(config: EvaluationConfig) -> "list[Scenario]":
     from tqdm import tqdm
 
     from pilot.evaluation.scenarios import prepare_scenario
-    from pilot.workers import run_jobs
+    from pilot.workers import run_tasks
 
     folders = [folder.resolve() for folder in config.recordings]
     named = list(zip(name_paths(folders), folders, strict=True))
-    found = run_jobs(partial(prepare_scenario, config.last_part), named, config.jobs)
+    found = run_tasks(partial(prepare_scenario, config.last_part), named, config.jobs)
     prepared = dict(
         tqdm(
             found,
@@ -204,7 +204,7 @@ def drive_all(
     """Do the drives of every model and trial, several at the same time, with a bar; by model and title."""
     from tqdm import tqdm
 
-    from pilot.workers import run_jobs
+    from pilot.workers import run_tasks
 
     jobs = [
         ((name, scenario.title), job)
@@ -214,7 +214,7 @@ def drive_all(
     ]
     done = dict(
         tqdm(
-            run_jobs(operator.call, [job for _, job in jobs], config.jobs),
+            run_tasks(operator.call, [job for _, job in jobs], config.jobs),
             "driving",
             len(jobs),
             unit=" drives",

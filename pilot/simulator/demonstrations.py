@@ -12,7 +12,7 @@ from pilot.simulator.demonstration import DemonstrationConfig, demonstrate
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.track import REVERSED
 from pilot.vehicle import CAMERAS
-from pilot.workers import run_jobs
+from pilot.workers import run_tasks
 
 # The demonstration that stands in for a person's laps: a bit of everything, both ways round.
 # Without wandering: a row's label is then what the picture asks for, and the recoveries show the way back.
@@ -66,7 +66,7 @@ def record_demonstrations(folder: Path, tracks: Sequence[str]) -> Iterator[str]:
     Raises:
         OSError: the folder cannot be written to.
     """
-    for number, _ in run_jobs(functools.partial(_record_whole, folder), tracks):
+    for number, _ in run_tasks(functools.partial(_record_whole, folder), tracks):
         yield tracks[number]
 
 

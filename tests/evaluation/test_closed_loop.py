@@ -28,7 +28,7 @@ from pilot.simulator.referee import Referee
 from pilot.simulator.scores import Scores, score
 from pilot.simulator.track import Track, closed_road
 from pilot.simulator.trajectory import Trajectory
-from pilot.workers import run_jobs
+from pilot.workers import run_tasks
 
 FRAME = picture(0.0)
 SETUP = Conditions(laps=1.0, speed=ControllerConfig(speed=20.0))
@@ -146,7 +146,7 @@ def test_side_by_side_or_one_after_another_the_scores_are_the_same() -> None:
         DriveRequest(expert_policy, track, conditions, start=start)
         for track, start in (("mountain", 1), ("mountain", 2))
     ]
-    alone, together = (dict(run_jobs(run, requests, jobs)) for jobs in (1, 2))
+    alone, together = (dict(run_tasks(run, requests, jobs)) for jobs in (1, 2))
     first, second = ([score("", [driven[number]]) for number in range(2)] for driven in (alone, together))
     assert first == second
     assert first[0] != first[1]  # each from its own start place
