@@ -21,6 +21,7 @@ from tqdm import tqdm
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from pilot import process_settings
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import read_frame
 from pilot.driving.driver import SteeringPolicy
@@ -124,7 +125,7 @@ def main() -> None:
         for track in expand_tracks(options.tracks)
     ]
     todo = [functools.partial(judge, options.data, *job) for job in jobs if job[1]]
-    for _, rows in tqdm(run_tasks(operator.call, todo), "tracks", len(todo)):
+    for _, rows in tqdm(run_tasks(operator.call, todo, None, process_settings.for_driving), "tracks", len(todo)):
         results = pd.concat([results, pd.DataFrame(rows)])
         results.to_csv(results_file, index=False)
     print(results.to_string(index=False, float_format="{:.4g}".format))

@@ -27,10 +27,10 @@ from torch import Tensor, nn
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.training import endless, made_up_recording, prepare, rate_of
+from pilot import process_settings
 from pilot.data.augment import in_light, render
 from pilot.data.frame_cache import FrameCache
 from pilot.model.networks import NETWORKS, build_network
-from pilot.training.devices import keep_memory
 from pilot.training.trainer import Training
 
 PICTURES = 32  # a part of a batch, as one of two cores has it
@@ -158,7 +158,7 @@ def operations(name: str, layer: nn.Module, given: Tensor, returned: Tensor, *, 
 
 def print_operations(name: str) -> None:
     """Print the table of the operations."""
-    keep_memory()
+    process_settings.for_training(torch.get_num_threads())
     network = build_network(name, 0)
     frames, steering = torch.randint(0, 256, (PICTURES, 160, 320, 3), dtype=torch.uint8), torch.zeros(PICTURES)
     seen: list[tuple[nn.Module, Tensor, Tensor]] = []

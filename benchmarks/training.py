@@ -33,13 +33,13 @@ from torch.utils.flop_counter import FlopCounterMode
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.classic_pipelines import data_loader_rate, keras_rate
+from pilot import process_settings
 from pilot.data.batches import Batch
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frame_cache import FrameCache
 from pilot.data.log_format import LOG_NAME
 from pilot.data.samples import make_samples
 from pilot.model.networks import NETWORKS, build_network
-from pilot.training.devices import keep_memory
 from pilot.training.recipes import RECIPES
 from pilot.training.session import make_cache
 from pilot.training.trainer import Training
@@ -117,14 +117,16 @@ def flop_per_image(name: str) -> float:
 
 def prepare(options: argparse.Namespace, *, cached: bool) -> Training:
     """A training of this recording; `cached`: with all pictures decoded."""
-    keep_memory()
+    process_settings.for_pictures()
     config = replace(
         RECIPES["default"], network=options.network, batch_size=options.batch_size, cache_gb=options.cache_gb
     )
     cache = make_cache(config)
     rows = read_driving_logs([options.data], cache=cache).rows
     samples = make_samples(rows, config.samples, 0)
-    return Training(config, *samples, cache=cache if cached else FrameCache(cache.rows))
+    training = Training(config, *samples, cache=cache if cached else FrameCache(cache.rows))
+    process_settings.for_training(training.cores.threads_each)
+    return training
 
 
 def rate_of(training: Training, batches: Iterable[Batch], steps: int) -> float:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import tyro
 
-from pilot import cli
+from pilot import cli, process_settings
 from pilot.driving.controller import ControllerConfig
 
 PROGRAM = cli.program("drive.py")
@@ -71,6 +71,7 @@ def serve(config: ServeConfig) -> None:
     from pilot.driving.websocket import listen
 
     check_versions()
+    process_settings.for_driving()
     driver = Driver.load(config.model)
     listener = listen(config.host, config.port)
     clock = FrameClock(config.frame_seconds) if config.frame_seconds else None

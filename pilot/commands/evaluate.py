@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from pilot import cli
+from pilot import cli, process_settings
 from pilot.evaluation.conditions import Conditions, expand_tracks
 
 if TYPE_CHECKING:
@@ -107,6 +107,7 @@ def evaluate(config: EvaluationConfig) -> None:
     # imported here: --help and wrong options need not wait for torch
     from pilot.evaluation.table import table, verdict, write_json
 
+    process_settings.for_driving()
     names = name_paths(config.models)
     drivers = {name: make_driver(path) for name, path in zip(names, config.models, strict=True)}
     scenarios = [*track_scenarios(config), *recording_scenarios(config)]
@@ -151,7 +152,7 @@ def recording_scenarios(config: EvaluationConfig) -> "list[Scenario]":
 
     folders = [folder.resolve() for folder in config.recordings]
     named = list(zip(name_paths(folders), folders, strict=True))
-    found = run_tasks(partial(prepare_scenario, config.last_part), named, config.jobs)
+    found = run_tasks(partial(prepare_scenario, config.last_part), named, config.jobs, process_settings.for_pictures)
     prepared = dict(
         tqdm(
             found,
@@ -214,7 +215,7 @@ def drive_all(
     ]
     done = dict(
         tqdm(
-            run_tasks(operator.call, [job for _, job in jobs], config.jobs),
+            run_tasks(operator.call, [job for _, job in jobs], config.jobs, process_settings.for_driving),
             "driving",
             len(jobs),
             unit=" drives",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn
 import tyro
 from tqdm import tqdm
 
-from pilot import cli
+from pilot import cli, process_settings
 from pilot.simulator.demonstration import DemonstrationConfig
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command = words.pop(0) if words and words[0] in COMMANDS else ""
     config, action = COMMANDS[command]
     options = tyro.cli(config, prog=f"{PROGRAM} {command}".strip(), args=words)
+    process_settings.for_pictures()
     return cli.run(PROGRAM, lambda: action(options), talkative=True)
 
 

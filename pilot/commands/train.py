@@ -10,7 +10,7 @@ from pathlib import Path
 import tyro
 from tqdm import tqdm
 
-from pilot import cli
+from pilot import cli, process_settings
 from pilot.data.log_format import LOG_NAME
 from pilot.training.recipes import RECIPES, TrainingConfig, config_from_jsonable
 
@@ -41,6 +41,7 @@ def run(config: TrainingConfig) -> None:
     from pilot.training.distributed import join_processes
     from pilot.training.session import train
 
+    process_settings.for_pictures()
     choose_device(config.device)  # refuse a wrong one before minutes of reading
     with join_processes() as processes:
         if processes.is_main and not config.data:

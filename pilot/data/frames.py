@@ -10,9 +10,6 @@ from pilot.vehicle import COLUMNS, ROWS
 
 Frame = NDArray[np.uint8]
 
-# The batches are prepared by threads of our own; OpenCV's would fight them and torch's for the cores.
-cv2.setNumThreads(1)
-
 JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
 

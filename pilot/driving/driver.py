@@ -27,9 +27,6 @@ class Driver:
     def __init__(self, model: Model) -> None:
         """Freeze the network and warm it up, so that the first car waits no longer than any other."""
         self.model = model
-        # a second thread gains half a millisecond on an idle machine, but where the simulator wants the
-        # cores too, both threads wait for the one that has none: 120 ms instead of 10 in the slowest hundredth
-        torch.set_num_threads(1)
         example = torch.zeros(1, ROWS, COLUMNS, 3, dtype=torch.uint8)
         with torch.inference_mode(), warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)

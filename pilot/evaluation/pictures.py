@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -13,8 +12,6 @@ from pilot.simulator.scores import Scores
 from pilot.simulator.track import Track
 from pilot.simulator.trajectory import Array, Trajectory
 from pilot.vehicle import HALF_TRACK
-
-matplotlib.use("Agg")  # files only: works without a display
 
 ASPHALT, EDGE, GROUND = "#d6d6d2", "#77776f", "#eef0e8"
 REASONS = {"off the road": ("X", "#d0021b"), "no progress": ("s", "#7b1fa2")}  # marker and colour

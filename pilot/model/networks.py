@@ -201,6 +201,8 @@ def fold_dense(network: SteeringNetwork) -> SteeringNetwork:
     The same steering but for rounding; `nvidia` then reads 2,112 weights for a frame instead of 2.6 million.
     """
     folded = copy.deepcopy(network)
+    if type(network.layers) is not nn.Sequential:  # its layers may be joined by a forward of its own
+        return folded
     layers: list[nn.Module] = []
     for layer in folded.layers.children():
         before = layers[-1] if layers else None

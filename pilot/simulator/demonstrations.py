@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from pilot import process_settings
 from pilot.data.log_format import LOG_NAME
 from pilot.data.recording_writer import RecordingWriter
 from pilot.simulator.catalogue import NAMED
@@ -66,7 +67,7 @@ def record_demonstrations(folder: Path, tracks: Sequence[str]) -> Iterator[str]:
     Raises:
         OSError: the folder cannot be written to.
     """
-    for number, _ in run_tasks(functools.partial(_record_whole, folder), tracks):
+    for number, _ in run_tasks(functools.partial(_record_whole, folder), tracks, None, process_settings.for_pictures):
         yield tracks[number]
 
 

@@ -1,8 +1,5 @@
 """Where the network is trained: the device, and how the cores of a CPU share the work."""
 
-import contextlib
-import ctypes
-import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
@@ -11,9 +8,10 @@ import torch
 from torch import nn
 
 CORES = torch.get_num_threads()  # before anything changes it; OMP_NUM_THREADS limits it
+RANDOM_LAYERS = (nn.Dropout, nn.Dropout1d, nn.Dropout2d, nn.Dropout3d, nn.AlphaDropout, nn.RReLU)
 SMALLEST_MICRO_BATCH = 16  # pictures; with fewer, what each call of a layer costs beside its arithmetic begins to count
 
-Job = TypeVar("Job")
+Work = TypeVar("Work")
 Result = TypeVar("Result")
 
 
@@ -38,27 +36,22 @@ def autocast(device: torch.device) -> torch.autocast:
     return torch.autocast(device.type, torch.bfloat16, enabled=gains)
 
 
-def keep_memory() -> None:
-    """Have glibc keep freed memory, for all threads together.
-
-    Giving 100 MB back and taking it anew each step costs a fifth of it; a thread's own arena cannot keep more than
-    64 MB at all.
-    """
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError, AttributeError):
-            libc = ctypes.CDLL("libc.so.6")
-            libc.mallopt(-3, 1 << 30)  # M_MMAP_THRESHOLD
-            libc.mallopt(-1, 1 << 30)  # M_TRIM_THRESHOLD
-            libc.mallopt(-8, 1)  # M_ARENA_MAX
-
-
 def micro_batches_of(network: nn.Module, device: torch.device, size: int) -> int:
-    """Into how many parts a batch of this size is best divided, for as many threads.
+    """Into how many micro-batches a batch of this size is best divided, for as many threads.
 
-    One for a GPU, and for networks that normalise over the whole batch.
+    One for a GPU, for networks that normalise over the whole batch, and for those that draw at random.
     """
-    whole = device.type != "cpu" or any(isinstance(layer, nn.BatchNorm2d) for layer in network.modules())
+    whole = device.type != "cpu" or draws_at_random(network) or _has(network, (nn.BatchNorm2d,))
     return 1 if whole else max(min(CORES, size // SMALLEST_MICRO_BATCH), 1)
+
+
+def draws_at_random(network: nn.Module) -> bool:
+    """Whether a network has layers that draw random numbers while it is trained, such as dropout."""
+    return _has(network, RANDOM_LAYERS)
+
+
+def _has(network: nn.Module, kinds: tuple[type[nn.Module], ...]) -> bool:
+    return any(isinstance(layer, kinds) for layer in network.modules())
 
 
 class Cores:
@@ -69,12 +62,11 @@ class Cores:
     """
 
     def __init__(self, micro_batches: int) -> None:
-        """Prepare for batches of `micro_batches` parts."""
-        share = max(CORES // micro_batches, 1)
-        # the calling thread's operations, too: OpenMP's helpers keep a core busy for a while after each of them
-        torch.set_num_threads(share)
-        self._threads = ThreadPoolExecutor(micro_batches, initializer=torch.set_num_threads, initargs=(share,))
+        """Prepare for batches of `micro_batches` micro-batches."""
+        self.threads_each = max(CORES // micro_batches, 1)
+        initialise = (self.threads_each,)
+        self._threads = ThreadPoolExecutor(micro_batches, initializer=torch.set_num_threads, initargs=initialise)
 
-    def start(self, work: Callable[[Job], Result], jobs: Iterable[Job]) -> list[Future[Result]]:
-        """Have jobs done side by side, after those that were started before."""
-        return [self._threads.submit(work, job) for job in jobs]
+    def start(self, work: Callable[[Work], Result], micro_batches: Iterable[Work]) -> list[Future[Result]]:
+        """Have micro-batches worked on side by side, after those that were started before."""
+        return [self._threads.submit(work, each) for each in micro_batches]

@@ -56,8 +56,13 @@ def join_processes() -> Iterator[Processes]:
     if "RANK" not in os.environ:
         yield Processes()
         return
-    group.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
+    local_rank = int(os.environ.get("LOCAL_RANK", "0"))
+    has_gpu = local_rank < torch.cuda.device_count()
+    if has_gpu:
+        torch.cuda.set_device(local_rank)  # before the first barrier: else all processes meet on the first GPU
+    # predictions are summed on the CPU, which NCCL cannot do
+    group.init_process_group("cpu:gloo,cuda:nccl" if has_gpu else "gloo")
     try:
-        yield Processes(group.get_rank(), group.get_world_size(), int(os.environ.get("LOCAL_RANK", "0")))
+        yield Processes(group.get_rank(), group.get_world_size(), local_rank)
     finally:
         group.destroy_process_group()

@@ -4,7 +4,6 @@ from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -27,8 +26,6 @@ from pilot.data.frames import Frame, read_frame
 from pilot.data.samples import SampleConfig, side_steering
 from pilot.files import write_atomically
 from pilot.vehicle import CAMERAS, COLUMNS, ROWS
-
-matplotlib.use("Agg")  # files only: works without a display
 
 WHOLE = (0, ROWS)
 BINS = np.linspace(-1.25, 1.25, 101)

@@ -8,6 +8,7 @@ from typing import Any
 import pandas as pd
 from tqdm import tqdm
 
+from pilot import process_settings
 from pilot.data.augment import rows_seen
 from pilot.data.batches import Batch
 from pilot.data.driving_log import DrivingLog, read_driving_logs
@@ -53,6 +54,7 @@ def train(config: TrainingConfig, processes: Processes) -> None:
         f"{len(training.training)} pictures to train on, {len(training.validation)} moments to validate with; "
         f"network {config.network} on {training.device.type}"
     )
+    process_settings.for_training(training.cores.threads_each)
     _prepare_state(config, training)
     history = History(config.report, tensorboard=config.tensorboard and processes.is_main)
 

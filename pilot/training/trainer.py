@@ -4,6 +4,7 @@ A `Training` holds all that changes while it runs; `state()` is written to disk 
 training that goes on from there ends with exactly the weights of one that was never interrupted.
 """
 
+import contextlib
 import copy
 import functools
 import hashlib
@@ -20,6 +21,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
+from torch.optim.lr_scheduler import LambdaLR
 
 from pilot.data.batches import Batch, BatchLoader, MicroBatch
 from pilot.data.device_augment import augment
@@ -31,7 +33,7 @@ from pilot.interrupt import Interrupt, catch_interrupt
 from pilot.model.checkpoint import UnusableModel, load_model, to_jsonable
 from pilot.model.networks import SteeringNetwork, build_network
 from pilot.progress import ProgressBar
-from pilot.training.devices import Cores, autocast, choose_device, keep_memory, micro_batches_of
+from pilot.training.devices import Cores, autocast, choose_device, draws_at_random, micro_batches_of
 from pilot.training.distributed import Processes
 from pilot.training.metrics import Agreement, agreement
 from pilot.training.recipes import TrainingConfig
@@ -89,9 +91,11 @@ class Training:
         self.cache = cache or FrameCache()
         share = self.config.batch_size // self.processes.world_size
         self.micro_batches = micro_batches_of(self.network, self.device, share)
+        self.draws_at_random = draws_at_random(self.network)
         self.cores = Cores(self.micro_batches)
         self.loader = self._loader(training, augment=True)
         self.epoch = self.step = 0
+        self.scheduler = self._scheduler()
         self.error_sum = torch.zeros((), device=self.device)
         self.history: list[dict[str, float]] = []
         self.best: dict[str, Any] = {"error": math.inf, "epoch": 0, "weights": {}}
@@ -113,7 +117,6 @@ class Training:
         Raises:
             KeyboardInterrupt: on Ctrl-C, after the running step.
         """
-        keep_memory()
         with catch_interrupt() as interrupt:
             while not self.finished:
                 self._train_epoch(self._batches(progress), state_file, interrupt)
@@ -164,16 +167,22 @@ class Training:
         for parameter, *gradients in zip(self.parameters, *(gradients for gradients, _ in micro_batches), strict=True):
             parameter.grad = functools.reduce(Tensor.add_, gradients)
         self.processes.sum_gradients(self.parameters)
-        for group in self.optimiser.param_groups:
-            group["lr"] = learning_rate(self.config, self.epoch) * self._warmth()
         self.optimiser.step()
+        self.scheduler.step()
         self.error_sum += torch.stack([errors for _, errors in micro_batches]).sum()
         self.step += 1
 
-    def _warmth(self) -> float:
-        """The share of the learning rate that this step has: it rises over the first steps of all."""
-        done = self.epoch * math.ceil(len(self.training) / self.config.batch_size) + self.step
-        return min((done + 1) / max(self.config.warm_up, 1), 1.0)
+    def _scheduler(self) -> LambdaLR:
+        """Sets the learning rate of each step: that of its epoch, but rising over the first steps of all."""
+        an_epoch = math.ceil(len(self.training) / self.config.batch_size)
+
+        def factor(step: int) -> float:
+            return schedule(self.config, step // an_epoch) * min((step + 1) / max(self.config.warm_up, 1), 1.0)
+
+        done = self.epoch * an_epoch + self.step
+        for group in self.optimiser.param_groups:
+            group["initial_lr"] = self.config.learning_rate
+        return LambdaLR(self.optimiser, factor, last_epoch=done - 1)
 
     def gradients(self, reading: Future[MicroBatch], size: int) -> tuple[Sequence[Tensor], Tensor]:
         """What a part adds to the gradients of the mean loss of `size` samples; its sum of squared errors."""
@@ -181,10 +190,21 @@ class Training:
         if not len(micro_batch.index):
             return [torch.zeros_like(parameter) for parameter in self.parameters], torch.zeros((), device=self.device)
         steering, weight = micro_batch.steering.to(self.device), micro_batch.weight.to(self.device)
-        with autocast(self.device):
+        with self._repeatable_draws(), autocast(self.device):
             predicted = self.network(self._frames(micro_batch)).float()
         loss = (weight * self._losses(predicted, steering)).sum() / size
         return torch.autograd.grad(loss, self.parameters), (predicted.detach() - steering).square().sum()
+
+    @contextlib.contextmanager
+    def _repeatable_draws(self) -> Iterator[None]:
+        """Have dropout draw by seed, epoch, step and process alone, so that a resumed training draws the same."""
+        if not self.draws_at_random:
+            yield
+            return
+        numbers = np.random.SeedSequence([self.config.seed, self.epoch, self.step, self.processes.rank])
+        with torch.random.fork_rng([self.device] if self.device.type == "cuda" else []):
+            torch.manual_seed(int(numbers.generate_state(1)[0]))
+            yield
 
     def _frames(self, micro_batch: MicroBatch) -> Tensor:
         """The frames of a part on the device, augmented."""
@@ -219,9 +239,9 @@ class Training:
             self._check_driving()
 
     def _check_driving(self) -> None:
-        drove = torch.zeros(2, dtype=torch.float64, device=self.device)
+        drove = torch.zeros(2, dtype=torch.float64)  # on the CPU: Apple's GPUs have no float64
         if self.driving_check:  # one process drives for all
-            drove += torch.tensor(self.driving_check(self.steer), dtype=torch.float64, device=self.device)
+            drove += torch.tensor(self.driving_check(self.steer), dtype=torch.float64)
         interventions, cross_track_error = self.processes.sum(drove).tolist()
         self.history[-1] |= {"interventions": interventions, "cross_track_error": cross_track_error}
         if (interventions, cross_track_error) < self.best_driving["error"]:
@@ -317,6 +337,7 @@ class Training:
         self.epoch, self.step = state["epoch"], state["step"]
         self.history, self.best, self.best_driving = state["history"], state["best"], state["best_driving"]
         self.error_sum.copy_(state["error_sum"])
+        self.scheduler = self._scheduler()
 
     def _save(self, state_file: Path | None) -> None:
         if state_file and self.processes.is_main:
@@ -361,7 +382,10 @@ def fingerprint(samples: pd.DataFrame) -> str:
 
 
 def learning_rate(config: TrainingConfig, epoch: int) -> float:
-    """The learning rate of an epoch (from 0)."""
-    if config.schedule == "cosine":
-        return config.learning_rate * (1 + math.cos(math.pi * epoch / config.epochs)) / 2
-    return config.learning_rate
+    """The learning rate of an epoch (from 0), after the warm-up."""
+    return config.learning_rate * schedule(config, epoch)
+
+
+def schedule(config: TrainingConfig, epoch: int) -> float:
+    """The share (0..1) of the learning rate that an epoch (from 0) has."""
+    return (1 + math.cos(math.pi * epoch / config.epochs)) / 2 if config.schedule == "cosine" else 1.0

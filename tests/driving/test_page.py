@@ -34,7 +34,7 @@ pytestmark = pytest.mark.skipif(
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     server = Server(tmp_path_factory.mktemp("page"))
     yield server
-    assert server.stop() == 0
+    assert server.stop() == 130
 
 
 @pytest.fixture(scope="module")

@@ -77,3 +77,19 @@ def test_dense_layers_in_a_row_are_folded_into_one_for_driving(name: str, dense:
     with torch.inference_mode():
         torch.testing.assert_close(folded(frames), network(frames), atol=1e-6, rtol=1e-4)
     assert sum(isinstance(layer, nn.Linear) for layer in folded.modules()) == dense
+
+
+class Residual(nn.Sequential):
+    """Two dense layers with a way round the second: joined as a sequence they would be another network."""
+
+    def forward(self, maps: torch.Tensor) -> torch.Tensor:
+        hidden = self[1](self[0](maps))
+        return self[3](hidden + self[2](hidden))
+
+
+def test_folding_leaves_layers_alone_that_have_a_forward_of_their_own() -> None:
+    network = build_network("pilotnet", 1).eval()
+    network.layers = Residual(nn.Flatten(), nn.Linear(3 * 66 * 200, 8), nn.Linear(8, 8), nn.Linear(8, 1))
+    frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
+    with torch.inference_mode():
+        assert torch.equal(fold_dense(network)(frames), network(frames))

@@ -9,13 +9,14 @@ import pandas as pd
 import pytest
 import torch
 from conftest import Recording
+from torch import nn
 
 from pilot.data.augment import AugmentConfig
 from pilot.data.batches import Batch, MicroBatch
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.samples import SampleConfig, make_samples
 from pilot.model.checkpoint import Model, UnusableModel, save_model
-from pilot.model.networks import build_network
+from pilot.model.networks import PilotNet, build_network
 from pilot.training.devices import choose_device, micro_batches_of
 from pilot.training.recipes import TrainingConfig, config_from_jsonable
 from pilot.training.trainer import Training, learning_rate
@@ -80,6 +81,38 @@ def test_an_interrupted_training_goes_on_to_the_same_result(
     for before, after in zip(whole.history, resumed.history, strict=True):
         assert {**before, "images_per_second": 0} == {**after, "images_per_second": 0}
     assert resumed.best["epoch"] == whole.best["epoch"]
+
+
+class WithDropout(PilotNet):
+    def __init__(self) -> None:
+        super().__init__()
+        self.layers.insert(11, nn.Dropout(0.5))
+
+
+@pytest.mark.parametrize("stop_after", [2, 9])
+def test_dropout_draws_the_same_however_often_a_training_is_interrupted(
+    samples: tuple[pd.DataFrame, pd.DataFrame], tmp_path: Path, stop_after: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pilot.training.trainer.build_network", lambda _name, _seed: seeded(WithDropout))
+    before = torch.random.get_rng_state()
+    test_an_interrupted_training_goes_on_to_the_same_result(samples, tmp_path, stop_after)
+    assert torch.equal(torch.random.get_rng_state(), before)  # of the program around the training
+    assert not torch.equal(weights(trained(samples, replace(CONFIG, seed=1))), weights(trained(samples)))
+
+
+def seeded(network: type[nn.Module]) -> nn.Module:
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(0)
+        return network()
+
+
+def test_driving_checks_are_counted_where_float64_is_known(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    """Apple's GPUs have no float64: the figures must not go there. `meta` stands for such a device."""
+    training = Training(replace(CONFIG, select="driving"), *samples, driving_check=lambda _: (1, 0.25))
+    training.history.append({})
+    training.device = torch.device("meta")
+    training._check_driving()
+    assert training.history[-1] == {"interventions": 1, "cross_track_error": 0.25}
 
 
 def signal_self() -> None:
@@ -193,10 +226,11 @@ def test_the_learning_rate_warms_up_over_epochs(samples: tuple[pd.DataFrame, pd.
     steps = math.ceil(len(samples[0]) / CONFIG.batch_size)
     config = replace(CONFIG, schedule="constant", epochs=3, warm_up=2 * steps, learning_rate=0.5e-3)
     training = Training(config, *samples)
-    rates = []
+    rates: list[float] = []
+    training.optimiser.register_step_pre_hook(lambda adam, *_: rates.append(adam.param_groups[0]["lr"]))
     for epoch in range(3):
         for _ in training.steps(training.loader.epoch(epoch)):
-            rates.append(training.optimiser.param_groups[0]["lr"])
+            pass
         training._end_epoch(1.0)
     rising, after = rates[: 2 * steps], rates[2 * steps :]
     assert rising == pytest.approx([0.5e-3 * (step + 1) / (2 * steps) for step in range(2 * steps)])

@@ -27,20 +27,17 @@ from pilot.simulator.rendering.scene import Scene
 from pilot.vehicle import CAMERA_AHEAD_OF_REAR_AXLE, CAMERA_HEIGHT, CAMERA_OFFSETS, COLUMNS, FOCAL_LENGTH, ROWS
 
 NEAR, FAR = 0.4, 1200.0
-
-load_prc_file_data(
-    "",
-    """
+SETTINGS = """
     audio-library-name null
     sync-video 0
     notify-level-device fatal
     garbage-collect-states 0
-""",
-)
+"""
 
 
 @functools.cache
 def _engine() -> tuple[GraphicsEngine, GraphicsPipe]:
+    load_prc_file_data("", SETTINGS)  # of Panda3D, which reads them when its engine is made
     pipe = GraphicsPipeSelection.get_global_ptr().make_pipe("TinyOffscreenGraphicsPipe", "p3tinydisplay")
     return GraphicsEngine.get_global_ptr(), pipe
 

@@ -1,0 +1,33 @@
+"""Who imports the library keeps the settings of his own process."""
+
+import subprocess
+import sys
+
+from conftest import REPOSITORY
+
+UNCHANGED = """
+import os, pkgutil, importlib
+import cv2, torch, matplotlib
+cv2.setNumThreads(3)
+torch.set_num_threads(2)
+def settings():
+    draws = torch.random.get_rng_state().sum().item()
+    return cv2.getNumThreads(), torch.get_num_threads(), matplotlib.get_backend(), draws
+before = settings()
+import pilot
+for module in pkgutil.walk_packages(pilot.__path__, "pilot."):
+    if module.name != "pilot.commands.drive":
+        importlib.import_module(module.name)
+from pilot.driving.driver import Driver
+from pilot.model.checkpoint import Model
+from pilot.model.networks import build_network
+Driver(Model("pilotnet", build_network("pilotnet", 1).eval(), {}, {}, {}))
+from pilot.training.devices import Cores
+Cores(2)
+assert settings() == before, (before, settings())
+"""
+
+
+def test_importing_and_making_things_changes_no_setting_of_the_process() -> None:
+    result = subprocess.run([sys.executable, "-c", UNCHANGED], cwd=REPOSITORY, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
