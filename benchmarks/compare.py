@@ -20,7 +20,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.samples import make_samples
-from pilot.model.networks import NETWORKS, count_parameters
+from pilot.model.build import count_parameters
+from pilot.model.networks import network_names
 from pilot.training import report
 from pilot.training.recipes import RECIPES, TrainingConfig
 from pilot.training.trainer import Training
@@ -30,7 +31,7 @@ def variants(group: str, base: TrainingConfig) -> Iterator[tuple[str, TrainingCo
     """The variants of a group by name."""
     augment, samples = base.augment, base.samples
     if group == "networks":
-        yield from ((name, replace(base, network=name)) for name in NETWORKS)  # type: ignore[arg-type]
+        yield from ((name, replace(base, network=name)) for name in network_names())
     if group == "recipes":
         yield from RECIPES.items()
     if group == "augmentations":
@@ -90,7 +91,7 @@ def main() -> None:
     parser.add_argument("group", choices=("networks", "augmentations", "balancing", "labels", "recipes"))
     parser.add_argument("--data", type=Path, action="append", required=True)
     parser.add_argument("--epochs", type=int, help="most epochs (default: the recipe's)")
-    parser.add_argument("--network", default="nvidia", choices=NETWORKS)
+    parser.add_argument("--network", default="nvidia", choices=network_names())
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--only", nargs="+", help="names of variants to train")
     parser.add_argument("--results", type=Path, default=Path("compare_results.csv"))

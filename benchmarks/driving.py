@@ -34,8 +34,9 @@ from wire import WireClient, telemetry
 from pilot.data.frames import encode_frame
 from pilot.driving.driver import Driver
 from pilot.driving.telemetry import parse_telemetry
+from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, load_model, save_model
-from pilot.model.networks import NETWORKS, build_network
+from pilot.model.networks import network_names
 
 LONGEST = 60.0  # seconds of one drive
 SCENES = (("no pause", 2, 0.0), ("one telemetry at a time", 1, 0.0), ("60 rendered frames/s", 2, 1 / 60))
@@ -159,7 +160,7 @@ def on_the_wire(port: int, message: str, steers: int, *, on_the_way: int, pause:
 def main() -> None:
     """Print all figures, with the ratios of the two servers."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--network", default="nvidia", choices=NETWORKS)
+    parser.add_argument("--network", default="nvidia", choices=network_names())
     parser.add_argument("--steers", type=int, default=10_000)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--port", type=int, default=4599)

@@ -30,7 +30,8 @@ from benchmarks.training import endless, made_up_recording, prepare, rate_of
 from pilot import process_settings
 from pilot.data.augment import in_light, render
 from pilot.data.frame_cache import FrameCache
-from pilot.model.networks import NETWORKS, build_network
+from pilot.model.build import build_network
+from pilot.model.networks import network_names
 from pilot.training.trainer import Training
 
 PICTURES = 32  # a part of a batch, as one of two cores has it
@@ -207,7 +208,7 @@ def print_operations(name: str) -> None:
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--network", default="nvidia", choices=NETWORKS)
+    parser.add_argument("--network", default="nvidia", choices=network_names())
     parser.add_argument("--data", type=Path)
     options = parser.parse_args()
     options.batch_size, options.cache_gb = PICTURES, 4.0

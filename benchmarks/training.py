@@ -39,7 +39,8 @@ from pilot.data.driving_log import read_driving_logs
 from pilot.data.frame_cache import FrameCache
 from pilot.data.log_format import LOG_NAME
 from pilot.data.samples import make_samples
-from pilot.model.networks import NETWORKS, build_network
+from pilot.model.build import build_network
+from pilot.model.networks import network_names
 from pilot.training.recipes import RECIPES
 from pilot.training.session import make_cache
 from pilot.training.trainer import Training
@@ -242,7 +243,7 @@ def main() -> None:
     """Print what was asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path)
-    parser.add_argument("--network", default="nvidia", choices=NETWORKS)
+    parser.add_argument("--network", default="nvidia", choices=network_names())
     parser.add_argument("--batch-size", type=int, default=RECIPES["default"].batch_size)
     parser.add_argument("--cache-gb", type=float, default=RECIPES["default"].cache_gb)
     parser.add_argument("--rounds", type=int, default=5)

@@ -20,7 +20,7 @@ for module in pkgutil.walk_packages(pilot.__path__, "pilot."):
         importlib.import_module(module.name)
 from pilot.driving.driver import Driver
 from pilot.model.checkpoint import Model
-from pilot.model.networks import build_network
+from pilot.model.build import build_network
 Driver(Model("pilotnet", build_network("pilotnet", 1).eval(), {}, {}, {}))
 from pilot.training.devices import Cores
 Cores(2)

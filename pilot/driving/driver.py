@@ -1,6 +1,5 @@
 """model.pt → steering for one camera frame, as fast as the CPU gives it."""
 
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,12 +8,12 @@ import torch
 
 from pilot.data.frames import Frame
 from pilot.model.checkpoint import Model, load_model
-from pilot.model.networks import fold_dense
+from pilot.model.inference import fast_forward
 from pilot.vehicle import COLUMNS, ROWS
 
 SteeringPolicy = Callable[[Frame], float]  # a 160x320x3 uint8 RGB frame to steering, -1..1
 
-WARM_UP = 20  # the first runs of a frozen network optimise it, and must not happen while the car drives
+WARM_UP = 5  # the first runs of a network allocate memory, which must not happen while the car drives
 
 
 class Driver:
@@ -27,14 +26,9 @@ class Driver:
     def __init__(self, model: Model) -> None:
         """Freeze the network and warm it up, so that the first car waits no longer than any other."""
         self.model = model
-        example = torch.zeros(1, ROWS, COLUMNS, 3, dtype=torch.uint8)
-        with torch.inference_mode(), warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)
-            # unchecked: these networks do the same for every frame, and the check takes half a second
-            traced = torch.jit.trace(fold_dense(model.network), example, check_trace=False)  # type: ignore[no-untyped-call]
-            self._network = torch.jit.freeze(traced)
-            for _ in range(WARM_UP):
-                self._network(example)
+        self._network = fast_forward(model.network)
+        for _ in range(WARM_UP):
+            self.steer(np.zeros((ROWS, COLUMNS, 3), np.uint8))
 
     @classmethod
     def load(cls, path: Path) -> "Driver":

@@ -15,7 +15,9 @@ from typing import Any
 import torch
 
 from pilot.files import write_atomically
-from pilot.model.networks import NETWORKS, SteeringNetwork, build_network
+from pilot.model.build import build_network
+from pilot.model.networks import network_names
+from pilot.model.steering_network import SteeringNetwork
 
 FORMAT, VERSION = "behavioral-cloning steering model", 1
 
@@ -66,7 +68,7 @@ def load_model(path: Path) -> Model:
     content = load_values(path, "train one with: python model.py")
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise UnusableModel(f"{path}: holds no model of this program. Train one with: python model.py")
-    if content["version"] > VERSION or content["network"] not in NETWORKS:
+    if content["version"] > VERSION or content["network"] not in network_names():
         raise UnusableModel(f"{path}: made by a newer version of this program (network {content['network']!r})")
     network = build_network(content["network"])
     try:

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from pilot.data.frames import Frame
-from pilot.model.networks import SteeringNetwork
+from pilot.model.steering_network import SteeringNetwork
 from pilot.vehicle import COLUMNS, ROWS
 
 SPATIAL = (nn.Conv2d, nn.MaxPool2d, nn.AvgPool2d)

@@ -9,8 +9,7 @@ import tyro
 
 from pilot.data.augment import AugmentConfig
 from pilot.data.samples import SampleConfig
-
-NetworkName = Literal["nvidia", "pilotnet", "lenet5", "lenet", "simplenet", "densenet"]
+from pilot.model.networks import network_names
 
 
 @dataclass(frozen=True)
@@ -28,8 +27,7 @@ class TrainingConfig:
     """Go on with an interrupted training of this --out, with the options it was started with."""
     start: Path | None = None
     """Model to start from instead of random weights, such as models/built_in.pt: it learns on from your laps."""
-    network: NetworkName = "pilotnet"
-    """Network to train."""
+    network: Annotated[str, tyro.conf.arg(help=f"Network to train: {', '.join(network_names())}.")] = "pilotnet"
     epochs: int = 15
     """Most passes over the data."""
     batch_size: int = 64

@@ -15,7 +15,7 @@ from pilot.data.driving_log import DrivingLog, read_driving_logs
 from pilot.data.frame_cache import FrameCache
 from pilot.data.samples import make_samples
 from pilot.model.checkpoint import Model, load_values, save_model, to_jsonable
-from pilot.model.networks import NETWORKS
+from pilot.model.networks import network_class
 from pilot.progress import ProgressBar, no_bar, terminal_bar
 from pilot.training.distributed import Processes
 from pilot.training.recipes import TrainingConfig
@@ -81,7 +81,7 @@ def train(config: TrainingConfig, processes: Processes) -> None:
 def make_cache(config: TrainingConfig) -> FrameCache:
     """The cache of the frames' rows that this training looks at."""
     turned = config.samples.rotation_range if config.samples.rotated_copies else 0.0
-    rows = rows_seen(NETWORKS[config.network].rows, config.augment, turned)
+    rows = rows_seen(network_class(config.network).rows, config.augment, turned)
     return FrameCache(rows, limit=int(config.cache_gb * 1e9))
 
 

@@ -30,8 +30,9 @@ from pilot.data.frames import Frame
 from pilot.driving.driver import SteeringPolicy
 from pilot.files import write_atomically
 from pilot.interrupt import Interrupt, catch_interrupt
+from pilot.model.build import build_network
 from pilot.model.checkpoint import UnusableModel, load_model, to_jsonable
-from pilot.model.networks import SteeringNetwork, build_network
+from pilot.model.steering_network import SteeringNetwork
 from pilot.progress import ProgressBar
 from pilot.training.devices import Cores, autocast, choose_device, draws_at_random, micro_batches_of
 from pilot.training.distributed import Processes

@@ -16,8 +16,8 @@ from conftest import REPOSITORY
 
 from pilot.commands import evaluate as evaluate_command
 from pilot.evaluation.table import read_json
+from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, save_model
-from pilot.model.networks import build_network
 from pilot.simulator.demonstration import DemonstrationConfig
 from pilot.simulator.demonstrations import record
 

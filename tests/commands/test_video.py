@@ -7,8 +7,8 @@ import pytest
 from conftest import picture, stamp, steering_of, write_picture
 
 from pilot.commands import video as video_command
+from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, save_model
-from pilot.model.networks import build_network
 from pilot.video.clip import frame_rate
 
 

@@ -6,11 +6,12 @@ import torch
 from conftest import picture
 
 from pilot.driving.driver import Driver
+from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, UnusableModel, save_model
-from pilot.model.networks import NETWORKS, build_network
+from pilot.model.networks import network_names
 
 
-@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("name", network_names())
 def test_the_driver_steers_as_the_network_says(tmp_path: Path, name: str) -> None:
     network = build_network(name, 3).eval()
     save_model(tmp_path / "model.pt", Model(name, network, {}, {}, {}))

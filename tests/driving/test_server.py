@@ -20,8 +20,8 @@ from wire import WireClient, drive, free_port, telemetry
 
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import encode_frame
+from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, save_model
-from pilot.model.networks import build_network
 
 IMAGE = encode_frame(picture(0.2))
 MESSAGE = "42" + json.dumps(["telemetry", telemetry(IMAGE)])

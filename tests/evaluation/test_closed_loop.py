@@ -21,8 +21,8 @@ from pilot.evaluation.closed_loop import (
 )
 from pilot.evaluation.conditions import Conditions, expand_tracks
 from pilot.evaluation.over_socket import run_over_socket
+from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, save_model
-from pilot.model.networks import build_network
 from pilot.simulator.episode import Episode
 from pilot.simulator.referee import Referee
 from pilot.simulator.scores import Scores, score

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from pilot.files import write_atomically
+from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, UnusableModel, load_model, save_model
-from pilot.model.networks import build_network
 
 
 def saved(path: Path, name: str = "pilotnet") -> Model:

@@ -2,7 +2,10 @@ import pytest
 import torch
 from torch import nn
 
-from pilot.model.networks import NETWORKS, build_network, count_parameters, fold_dense
+from pilot.model.build import build_network, count_parameters
+from pilot.model.inference import fast_forward, fold_dense
+from pilot.model.networks import network_names
+from pilot.model.networks.pilotnet import PilotNet
 
 COUNTS = {"nvidia": 2_712_951, "pilotnet": 252_219, "lenet": 723_091, "simplenet": 183_683, "densenet": 187_469}
 
@@ -16,7 +19,7 @@ def test_densenet_without_batch_norm_is_the_documents() -> None:
     assert count_parameters(build_network("densenet"), [nn.Conv2d, nn.Linear]) == 185_789
 
 
-@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("name", network_names())
 def test_takes_raw_frames_and_returns_one_steering_each(name: str) -> None:
     frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
     network = build_network(name, seed=1).eval()
@@ -27,7 +30,7 @@ def test_takes_raw_frames_and_returns_one_steering_each(name: str) -> None:
     torch.testing.assert_close(together[1:], alone, atol=1e-5, rtol=1e-4)
 
 
-@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("name", network_names())
 def test_sky_and_bonnet_do_not_matter_but_colours_do(name: str) -> None:
     frames = torch.randint(0, 256, (1, 160, 320, 3), dtype=torch.uint8)
     network = build_network(name, seed=1).eval()
@@ -65,7 +68,7 @@ def test_same_seed_same_weights() -> None:
 
 
 def test_unknown_network_names_those_there_are() -> None:
-    with pytest.raises(ValueError, match="'alexnet'; there are: nvidia"):
+    with pytest.raises(ValueError, match="'alexnet'; there are: .*nvidia, pilotnet"):
         build_network("alexnet")
 
 
@@ -93,3 +96,31 @@ def test_folding_leaves_layers_alone_that_have_a_forward_of_their_own() -> None:
     frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
     with torch.inference_mode():
         assert torch.equal(fold_dense(network)(frames), network(frames))
+
+
+@pytest.mark.parametrize("name", network_names())
+def test_the_fast_forward_of_driving_steers_the_same(name: str) -> None:
+    network = build_network(name, 3).eval()
+    frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
+    with torch.inference_mode():
+        torch.testing.assert_close(fast_forward(network)(frames), network(frames), atol=1e-5, rtol=1e-4)
+
+
+class Gamma(PilotNet):
+    """Normalises in a way that no convolution can do."""
+
+    def normalise(self, pixels: torch.Tensor) -> torch.Tensor:
+        return super().normalise(pixels).abs().sqrt()
+
+
+class OwnPreparation(PilotNet):
+    def prepare(self, pixels: torch.Tensor) -> torch.Tensor:
+        return super().prepare(pixels.flip(1))
+
+
+@pytest.mark.parametrize("kind", [Gamma, OwnPreparation])
+def test_a_preparation_of_another_kind_is_not_folded_away(kind: type[PilotNet]) -> None:
+    network = kind().eval()
+    frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
+    with torch.inference_mode():
+        torch.testing.assert_close(fast_forward(network)(frames), network(frames), atol=1e-5, rtol=1e-4)

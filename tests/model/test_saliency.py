@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 from conftest import picture
 
-from pilot.model.networks import NETWORKS, build_network
+from pilot.model.build import build_network
+from pilot.model.networks import network_names
 from pilot.model.saliency import overlay, saliency
 
 
-@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize("name", network_names())
 def test_relevance_is_where_the_network_looks(name: str) -> None:
     network = build_network(name, 1).eval()
     relevance = saliency(network, picture(0.2))

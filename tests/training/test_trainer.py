@@ -15,8 +15,9 @@ from pilot.data.augment import AugmentConfig
 from pilot.data.batches import Batch, MicroBatch
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.samples import SampleConfig, make_samples
+from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, UnusableModel, save_model
-from pilot.model.networks import PilotNet, build_network
+from pilot.model.networks.pilotnet import PilotNet
 from pilot.training.devices import choose_device, micro_batches_of
 from pilot.training.recipes import TrainingConfig, config_from_jsonable
 from pilot.training.trainer import Training, learning_rate

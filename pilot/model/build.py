@@ -1,0 +1,37 @@
+"""Networks by name, ready to be trained or to be loaded with weights."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import nn
+
+from pilot.model.networks import network_class
+from pilot.model.steering_network import SteeringNetwork
+
+
+def build_network(name: str, seed: int | None = None) -> SteeringNetwork:
+    """A network by its name, freshly initialised as Keras would (Glorot uniform, biases zero).
+
+    Raises:
+        ValueError: there is no network of this name.
+    """
+    with torch.random.fork_rng(devices=[], enabled=seed is not None):
+        if seed is not None:
+            torch.manual_seed(seed)
+        network = network_class(name)()
+        network.apply(_initialise)
+    # channels-last convolutions are about twice as fast on a CPU, and frames come that way anyhow
+    return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]
+
+
+def _initialise(layer: nn.Module) -> None:
+    if isinstance(layer, nn.Conv2d | nn.Linear):
+        nn.init.xavier_uniform_(layer.weight)
+        if layer.bias is not None:
+            nn.init.zeros_(layer.bias)
+
+
+def count_parameters(network: nn.Module, kinds: Sequence[type[nn.Module]] = (nn.Module,)) -> int:
+    """Trainable parameters of a network, or of its layers of some kinds."""
+    layers = [layer for layer in network.modules() if isinstance(layer, tuple(kinds))]
+    return sum({id(p): p.numel() for layer in layers for p in layer.parameters()}.values())

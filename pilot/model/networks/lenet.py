@@ -1,0 +1,19 @@
+"""The modified LeNet of report 002."""
+
+from torch import nn
+
+from pilot.model.steering_network import SteeringNetwork, dense, pooled
+
+
+class LeNet(SteeringNetwork):
+    """Seed 002's modified LeNet, 723,091 parameters."""
+
+    columns = (1, 319)  # one column less at each side: only that gives the document's count
+
+    def __init__(self) -> None:
+        super().__init__()
+        convolutions = pooled(3, 6, 5, nn.ReLU) + pooled(6, 6, 5, nn.ReLU)
+        self.layers = nn.Sequential(*convolutions, nn.Flatten(), *dense(5928, 120, 84, 1))
+
+
+NETWORK = LeNet

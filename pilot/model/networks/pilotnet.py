@@ -1,0 +1,35 @@
+"""NVIDIA's own network, PilotNet."""
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from pilot.model.steering_network import SteeringNetwork, dense, nvidia_convolutions
+
+
+class PilotNet(SteeringNetwork):
+    """NVIDIA's own network (arXiv 1604.07316): 66x200 YUV, 252,219 parameters."""
+
+    colours: Tensor
+    shift: Tensor
+
+    def __init__(self) -> None:
+        super().__init__()
+        head = dense(1152, 100, 50, 10, 1, activation=nn.ReLU)
+        self.layers = nn.Sequential(*nvidia_convolutions(), nn.Flatten(), *head)
+        yuv = torch.tensor([[0.299, 0.587, 0.114], [-0.147, -0.289, 0.436], [0.615, -0.515, -0.100]])
+        self.register_buffer("colours", yuv[:, :, None, None] / 127.5, persistent=False)
+        self.register_buffer("shift", -yuv.sum(1), persistent=False)
+
+    def resize(self, pixels: Tensor) -> Tensor:
+        """66x200."""
+        if pixels.device.type != "cpu":  # CPUs scale bytes twelve times faster than floats; GPUs only floats
+            pixels = pixels.float()
+        return functional.interpolate(pixels, (66, 200), mode="bilinear", antialias=True).float()
+
+    def normalise(self, pixels: Tensor) -> Tensor:
+        """YUV (ITU-R BT.601), about -1..1."""
+        return functional.conv2d(pixels, self.colours, self.shift)
+
+
+NETWORK = PilotNet
