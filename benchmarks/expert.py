@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from pilot.simulator.catalogue import NAMED, load_course
+from pilot.simulator.catalogue import load_course, track_names
 from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.expert import Expert
 
@@ -46,7 +46,7 @@ def main() -> None:
     """Print the table."""
     print("| both ways round | laps | departures | offset from the lane's middle, m: mean | 95 % | largest | mph |")
     print("|---|---:|---:|---:|---:|---:|---:|")
-    for name in NAMED:
+    for name in track_names():
         print(row(name, [name], 10), flush=True)
     print(row("20 random roads", [f"random:{seed}" for seed in range(20)], 1))
 

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 PROGRAM = cli.program("evaluate.py")
 EXPERT = Path("expert")  # as a model: the built-in simulator's expert
-TRACKS = ("lake", "lake reversed", "jungle", "jungle reversed", "mountain", "mountain reversed", "random:0-4")
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ class EvaluationConfig:
         Raises:
             ValueError: a range is empty or absurd.
         """
-        return expand_tracks(self.tracks or (() if self.recordings else TRACKS))
+        return expand_tracks(self.tracks or ([] if self.recordings else default_tracks()))
 
     def check(self) -> None:
         """Refuse what cannot be driven.
@@ -85,6 +84,13 @@ class EvaluationConfig:
             raise ValueError("the expert knows the road of the built-in simulator: not with --socket or --recordings")
         if not 0 < self.last_part <= 1:
             raise ValueError(f"--last-part {self.last_part:g}: must be greater than 0, and at most 1")
+
+
+def default_tracks() -> list[str]:
+    """All tracks with names both ways round, and some random ones."""
+    from pilot.simulator.catalogue import both_ways, track_names
+
+    return [*both_ways(track_names()), "random:0-4"]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -22,7 +22,7 @@ from pilot.evaluation.over_socket import run_over_socket
 from pilot.evaluation.pictures import draw_trajectories
 from pilot.evaluation.replay import Replayable, ReplayStep, prepare, replay
 from pilot.evaluation.replay_pictures import draw_replay
-from pilot.simulator.catalogue import load_track
+from pilot.simulator.catalogue import file_name, load_track
 from pilot.simulator.scores import Scores
 from pilot.simulator.trajectory import Trajectory
 
@@ -77,7 +77,7 @@ class TrackScenario:
     @property
     def file(self) -> str:
         """As its pictures are called."""
-        return self.title.replace(",", "").replace(":", "-").replace(" ", "-")
+        return file_name(self.title)
 
     def jobs(self, driver: PolicyFactory, clips: Path | None) -> list[Work]:
         """A drive for each start place."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from pilot import process_settings
 from pilot.data.log_format import LOG_NAME
 from pilot.data.recording_writer import RecordingWriter
-from pilot.simulator.catalogue import NAMED
+from pilot.simulator.catalogue import both_ways, file_name, track_names
 from pilot.simulator.demonstration import DemonstrationConfig, demonstrate
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.track import REVERSED
@@ -20,7 +20,7 @@ from pilot.workers import run_tasks
 NAMED_TRACKS = DemonstrationConfig(laps=1, recoveries=40, rate=2.0)
 RANDOM_TRACKS = DemonstrationConfig(laps=1, recoveries=14, rate=0.4)  # few rows of many roads
 DEMONSTRATIONS: dict[str, DemonstrationConfig] = {
-    **{name + way: NAMED_TRACKS for name in NAMED for way in ("", REVERSED)},
+    **dict.fromkeys(both_ways(track_names()), NAMED_TRACKS),
     **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_TRACKS for seed in range(1000, 1150)},
 }
 
@@ -56,7 +56,7 @@ def record(
 
 def missing_demonstrations(folder: Path) -> list[str]:
     """The tracks of the demonstration that are not in a folder yet."""
-    return [track for track in DEMONSTRATIONS if not (folder / _name(track) / LOG_NAME).exists()]
+    return [track for track in DEMONSTRATIONS if not (folder / file_name(track) / LOG_NAME).exists()]
 
 
 def record_demonstrations(folder: Path, tracks: Sequence[str]) -> Iterator[str]:
@@ -72,12 +72,8 @@ def record_demonstrations(folder: Path, tracks: Sequence[str]) -> Iterator[str]:
 
 
 def _record_whole(folder: Path, track: str) -> None:
-    final, unfinished = folder / _name(track), folder / f".{_name(track)}.part"
+    final, unfinished = folder / file_name(track), folder / f".{file_name(track)}.part"
     shutil.rmtree(unfinished, ignore_errors=True)
     record(track, DEMONSTRATIONS[track], unfinished, listed_as=final)
     shutil.rmtree(final, ignore_errors=True)  # without a log: of no use
     unfinished.rename(final)
-
-
-def _name(track: str) -> str:
-    return track.replace(":", "-").replace(" ", "-")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pilot.simulator.catalogue import NAMED, load_course
+from pilot.simulator.catalogue import load_course, track_names
 from pilot.simulator.episode import Episode
 from pilot.simulator.expert import Expert
 from pilot.vehicle import TICK
@@ -25,7 +25,7 @@ def lap(name: str, *, backwards: bool, wander: float = 0.0, laps: int = 1) -> tu
 
 
 @pytest.mark.parametrize("backwards", [False, True])
-@pytest.mark.parametrize("name", [*NAMED, "random:0", "random:1", "random:2"])
+@pytest.mark.parametrize("name", [*track_names(), "random:0", "random:1", "random:2"])
 def test_drives_a_lap_in_its_lane(name: str, backwards: bool) -> None:
     episode, offsets = lap(name, backwards=backwards)
     assert np.abs(offsets).max() < 0.7

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pilot.simulator.catalogue import NAMED, load_course
+from pilot.simulator.catalogue import load_course, track_names
 from pilot.simulator.track import STEP, TIGHTEST, Track, closed_road, separation
 
-EVERY_NAME = [*NAMED, *(f"random:{seed}" for seed in range(12))]
+EVERY_NAME = [*track_names(), *(f"random:{seed}" for seed in range(12))]
 
 
 def circle(radius: float = 50.0, half_width: float = 4.0) -> Track:
