@@ -23,7 +23,8 @@ from pilot.data.samples import make_samples
 from pilot.model.build import count_parameters
 from pilot.model.networks import network_names
 from pilot.training import report
-from pilot.training.recipes import RECIPES, TrainingConfig
+from pilot.training.config import TrainingConfig
+from pilot.training.recipes import RECIPES
 from pilot.training.trainer import Training
 
 

@@ -12,7 +12,8 @@ from tqdm import tqdm
 
 from pilot import cli, process_settings
 from pilot.data.log_format import LOG_NAME
-from pilot.training.recipes import RECIPES, TrainingConfig, config_from_jsonable
+from pilot.training.config import TrainingConfig, config_from_jsonable
+from pilot.training.recipes import RECIPES
 
 PROGRAM = cli.program("model.py")
 BUILT_IN = "built_in"  # folder in data/ for the built-in simulator's recordings

@@ -1,139 +1,16 @@
-"""The configuration of a training, and the recipes of the seed documents by name."""
+"""Trainings by name: the default, the built-in simulator's, and those of the students' reports."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Annotated, Any, Literal
-
-import tyro
+from dataclasses import replace
 
 from pilot.data.augment import AugmentConfig
 from pilot.data.samples import SampleConfig
-from pilot.model.networks import network_names
-
-
-@dataclass(frozen=True)
-class TrainingConfig:
-    """Learn to steer from recorded laps: reads recordings, trains a network, writes model.pt."""
-
-    data: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
-    """A recording, or a folder of recordings; may be given several times. Without it: data/."""
-    out: Path = Path("model.pt")
-    """Where the model goes; history and pictures go into a folder beside it."""
-    recipe: str = "default"
-    """Settings to start from (the options here override them): see the table in the README. Where there are only the
-    built-in simulator's laps to learn from: built-in."""
-    resume: bool = False
-    """Go on with an interrupted training of this --out, with the options it was started with."""
-    start: Path | None = None
-    """Model to start from instead of random weights, such as models/built_in.pt: it learns on from your laps."""
-    network: Annotated[str, tyro.conf.arg(help=f"Network to train: {', '.join(network_names())}.")] = "pilotnet"
-    epochs: int = 15
-    """Most passes over the data."""
-    batch_size: int = 64
-    """Pictures for one step."""
-    learning_rate: float = 1e-3
-    """Adam's learning rate."""
-    schedule: Literal["constant", "cosine"] = "cosine"
-    """Learning rate over the epochs: as it is, or falling along a cosine to zero in the last."""
-    warm_up: int = 0
-    """Steps in which the learning rate rises from zero: ReLUs that large first steps kill never come back."""
-    loss: Literal["mse", "huber"] = "mse"
-    """Loss: the squared error, or Huber's, which counts large errors only linearly."""
-    huber_delta: float = 0.1
-    """For loss=huber: error (-1..1) from which it counts linearly."""
-    l2: float = 1e-4
-    """This times the sum of squares of all weights and biases is added to the loss."""
-    patience: int = 10
-    """Stop after this many epochs without a better validation error; the best epoch is kept. Long by default: with
-    a falling learning rate the error settles only in the last epochs."""
-    min_delta: float = 1e-5
-    """How much smaller the validation error must be to count as better."""
-    select: Literal["error", "driving", "replay"] = "error"
-    """Which epoch is kept: that of the lowest validation error; that which drives best on short stretches of unseen
-    built-in roads (for networks that learn from the built-in simulator); or that which drives best when the
-    recordings' validation blocks are replayed to it. The lowest error's is then kept, too, in the report's folder."""
-    seed: int = 0
-    """Seed of everything random: same seed, same split, same model (on a CPU)."""
-    device: str = "auto"
-    """cuda, mps or cpu; auto takes the fastest there is."""
-    cache_gb: float = 4.0
-    """Disk space for decoded pictures (1e9 bytes), in your cache folder: they are kept between trainings, the longest
-    unused go first. 0: decode each picture each time."""
-    tensorboard: bool = False
-    """Also write TensorBoard events (pip install tensorboard)."""
-    # a side camera 0.82 m off the middle comes back 15 m ahead, as the shifted viewpoints do; the seeds' 0.2
-    # (7 m ahead) is so strong that the picture's place on the road outweighs what the driver did
-    samples: SampleConfig = field(default_factory=lambda: SampleConfig(side_correction=0.05))
-    augment: AugmentConfig = field(default_factory=AugmentConfig)
-
-    def check(self) -> None:
-        """Refuse values that cannot work.
-
-        Raises:
-            ValueError: names the option, its value and what it may be.
-        """
-        positive = {
-            "epochs": self.epochs,
-            "batch-size": self.batch_size,
-            "learning-rate": self.learning_rate,
-            "patience": self.patience,
-            "huber-delta": self.huber_delta,
-            "samples.block-seconds": self.samples.block_seconds,
-            "samples.bins": self.samples.bins,
-            "samples.cap": self.samples.cap,
-            "samples.first-part": self.samples.first_part,
-            "augment.viewpoint-lookahead": self.augment.viewpoint_lookahead,
-        }
-        not_negative = {
-            "l2": self.l2,
-            "warm-up": self.warm_up,
-            "min-delta": self.min_delta,
-            "cache-gb": self.cache_gb,
-            "samples.smooth-seconds": self.samples.smooth_seconds,
-            "samples.rotated-copies": self.samples.rotated_copies,
-        }
-        shares = {
-            f"augment.{name}": getattr(self.augment, name)
-            for name in ("flip", "rotation", "brightness", "shadow", "crop", "viewpoint")
-        }
-        shares |= {"samples.drop-zeros": self.samples.drop_zeros, "samples.first-part": self.samples.first_part}
-        _demand(positive, lambda value: value > 0, "must be greater than 0")
-        _demand(not_negative, lambda value: value >= 0, "must not be negative")
-        _demand(shares, lambda value: 0 <= value <= 1, "must lie in 0..1")
-        if self.select == "replay" and self.samples.split != "blocks":
-            raise ValueError(
-                f"--select replay with --samples.split {self.samples.split}: single moments cannot be "
-                "replayed; take blocks"
-            )
-        _demand(
-            {"samples.validation-share": self.samples.validation_share},
-            lambda value: 0 < value < 1,
-            "must lie between 0 and 1: some data to learn from, some to check with",
-        )
-
-    @property
-    def folders(self) -> tuple[Path, ...]:
-        """The recordings to read."""
-        return self.data or (Path("data"),)
-
-    @property
-    def report(self) -> Path:
-        """The folder beside the model for history, pictures and the state of an interrupted training."""
-        return self.out.with_name(f"{self.out.stem}_report")
-
-
-def _demand(values: dict[str, float], holds: Callable[[float], bool], rule: str) -> None:
-    for name, value in values.items():
-        if not holds(value):
-            raise ValueError(f"--{name} {value}: {rule}")
-
+from pilot.training.config import TrainingConfig
 
 NO_AUGMENTATION = AugmentConfig(flip=0, rotation=0, brightness=0, shadow=0, crop=0, viewpoint=0)
 
-# Seed 000: side cameras, mirrored copies, six rotated copies of each, split by moments.
+# Report 000: side cameras, mirrored copies, six rotated copies of each, split by moments.
 _ROTATIONS = SampleConfig(split="moments", flipped_copies=True, rotated_copies=6, rotation_range=45)
-_SEED_000 = TrainingConfig(
+_REPORT_000 = TrainingConfig(
     recipe="nvidia-rotations",
     network="nvidia",
     batch_size=128,
@@ -145,8 +22,8 @@ _SEED_000 = TrainingConfig(
     samples=_ROTATIONS,
     augment=NO_AUGMENTATION,
 )
-# Seed 002: the centre camera with mirrored copies, nine of ten zeros dropped, 2 % for validation.
-_SEED_002 = TrainingConfig(
+# Report 002: the centre camera with mirrored copies, nine of ten zeros dropped, 2 % for validation.
+_REPORT_002 = TrainingConfig(
     recipe="lenet-drop-zeros",
     network="lenet",
     batch_size=16,
@@ -165,8 +42,8 @@ _SEED_002 = TrainingConfig(
     ),
     augment=NO_AUGMENTATION,
 )
-# Seed 004: geometric rule for the side cameras, spikes taken out, everything else at random.
-_SEED_004 = TrainingConfig(
+# Report 004: geometric rule for the side cameras, spikes taken out, everything else at random.
+_REPORT_004 = TrainingConfig(
     recipe="simplenet-spikes",
     network="simplenet",
     batch_size=128,
@@ -178,14 +55,16 @@ _SEED_004 = TrainingConfig(
     samples=SampleConfig(side_rule="geometric", balance="spikes", split="moments", validation_share=0.15),
     augment=AugmentConfig(crop=1.0, viewpoint=0),
 )
-_SEED_RECIPES: dict[str, TrainingConfig] = {
-    "nvidia-rotations": _SEED_000,
-    "nvidia-rotations-no-l2": replace(_SEED_000, recipe="nvidia-rotations-no-l2", l2=0),
-    "lenet5-rotations": replace(_SEED_000, recipe="lenet5-rotations", network="lenet5"),
-    "lenet-drop-zeros": _SEED_002,
-    "nvidia-drop-zeros": replace(_SEED_002, recipe="nvidia-drop-zeros", network="nvidia"),
-    "simplenet-spikes": _SEED_004,
-    "densenet-spikes": replace(_SEED_004, recipe="densenet-spikes", network="densenet", epochs=10, learning_rate=1e-3),
+_REPORT_RECIPES: dict[str, TrainingConfig] = {
+    "nvidia-rotations": _REPORT_000,
+    "nvidia-rotations-no-l2": replace(_REPORT_000, recipe="nvidia-rotations-no-l2", l2=0),
+    "lenet5-rotations": replace(_REPORT_000, recipe="lenet5-rotations", network="lenet5"),
+    "lenet-drop-zeros": _REPORT_002,
+    "nvidia-drop-zeros": replace(_REPORT_002, recipe="nvidia-drop-zeros", network="nvidia"),
+    "simplenet-spikes": _REPORT_004,
+    "densenet-spikes": replace(
+        _REPORT_004, recipe="densenet-spikes", network="densenet", epochs=10, learning_rate=1e-3
+    ),
 }
 # For the built-in simulator's demonstration. Side cameras and shifted views come back 10 m ahead, as its expert does;
 # no mirroring: the laps go both ways round, and keep to the right where there are two lanes. These labels are exact,
@@ -199,23 +78,4 @@ _BUILT_IN = TrainingConfig(
     samples=SampleConfig(side_correction=0.11),
     augment=AugmentConfig(flip=0, viewpoint_lookahead=10),
 )
-RECIPES: dict[str, TrainingConfig] = {"default": TrainingConfig(), "built-in": _BUILT_IN, **_SEED_RECIPES}
-
-
-def config_from_jsonable(values: dict[str, Any]) -> TrainingConfig:
-    """The configuration that `checkpoint.to_jsonable` turned into plain values."""
-
-    def restore(values: dict[str, Any]) -> dict[str, Any]:
-        return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
-
-    top = restore(values)
-    return TrainingConfig(
-        **{
-            **top,
-            "data": tuple(map(Path, top["data"])),
-            "out": Path(top["out"]),
-            "start": Path(top["start"]) if top["start"] else None,
-            "samples": SampleConfig(**restore(top["samples"])),
-            "augment": AugmentConfig(**restore(top["augment"])),
-        }
-    )
+RECIPES: dict[str, TrainingConfig] = {"default": TrainingConfig(), "built-in": _BUILT_IN, **_REPORT_RECIPES}

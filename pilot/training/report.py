@@ -13,8 +13,8 @@ from pilot.data.driving_log import DrivingLog
 from pilot.data.samples import make_samples, smooth_steering
 from pilot.files import write_atomically
 from pilot.training import plots
+from pilot.training.config import TrainingConfig
 from pilot.training.metrics import Agreement, agreement
-from pilot.training.recipes import TrainingConfig
 from pilot.training.trainer import Training
 
 if TYPE_CHECKING:

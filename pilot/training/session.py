@@ -17,8 +17,8 @@ from pilot.data.samples import make_samples
 from pilot.model.checkpoint import Model, load_values, save_model, to_jsonable
 from pilot.model.networks import network_class
 from pilot.progress import ProgressBar, no_bar, terminal_bar
+from pilot.training.config import TrainingConfig
 from pilot.training.distributed import Processes
-from pilot.training.recipes import TrainingConfig
 from pilot.training.report import (
     SMOOTHED_SECONDS,
     History,

@@ -34,10 +34,10 @@ from pilot.model.build import build_network
 from pilot.model.checkpoint import UnusableModel, load_model, to_jsonable
 from pilot.model.steering_network import SteeringNetwork
 from pilot.progress import ProgressBar
+from pilot.training.config import TrainingConfig
 from pilot.training.devices import Cores, autocast, choose_device, draws_at_random, micro_batches_of
 from pilot.training.distributed import Processes
 from pilot.training.metrics import Agreement, agreement
-from pilot.training.recipes import TrainingConfig
 
 SAVE_SECONDS = 120  # a power cut costs at most this much work
 DrivingCheck = Callable[

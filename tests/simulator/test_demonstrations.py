@@ -20,7 +20,7 @@ from pilot.simulator import demonstrations
 from pilot.simulator.demonstration import DemonstrationConfig
 from pilot.simulator.expert import LOOKAHEAD
 from pilot.simulator.simulator import Simulator
-from pilot.training.recipes import TrainingConfig
+from pilot.training.config import TrainingConfig
 
 SHORT = DemonstrationConfig(laps=0.02, recoveries=0, rate=15.0)
 

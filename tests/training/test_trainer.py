@@ -18,8 +18,8 @@ from pilot.data.samples import SampleConfig, make_samples
 from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, UnusableModel, save_model
 from pilot.model.networks.pilotnet import PilotNet
+from pilot.training.config import TrainingConfig, config_from_jsonable
 from pilot.training.devices import choose_device, micro_batches_of
-from pilot.training.recipes import TrainingConfig, config_from_jsonable
 from pilot.training.trainer import Training, learning_rate
 
 CONFIG = TrainingConfig(network="pilotnet", epochs=3, batch_size=32, samples=SampleConfig(block_seconds=1))
