@@ -28,8 +28,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.training import endless, made_up_recording, prepare, rate_of
 from pilot import process_settings
-from pilot.data.augment import in_light, render
+from pilot.data.augment import in_light
 from pilot.data.frame_cache import FrameCache
+from pilot.data.view import render
 from pilot.model.build import build_network
 from pilot.model.networks import network_names
 from pilot.training.trainer import Training

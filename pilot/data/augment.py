@@ -7,21 +7,17 @@ at are computed. The photometric ones change pixels in place and leave the label
 """
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from pilot import camera
-from pilot.camera import Floats, Matrix
+from pilot.camera import Floats
 from pilot.data.frames import Frame
+from pilot.data.view import CROP_BOTTOM, CROP_TOP, MIRROR, View
 from pilot.vehicle import COLUMNS, ROWS, curvature_to_steering, steering_to_curvature
-
-# Seed 004's crops in the mean: its networks look at these rows (40 % cut off above, 12.5 % below).
-CROP_TOP, CROP_BOTTOM = 64, 140
-IDENTITY: Matrix = np.eye(3)
-MIRROR: Matrix = np.array([[-1.0, 0, COLUMNS - 1], [0, 1, 0], [0, 0, 1]])
 
 
 @dataclass(frozen=True)
@@ -57,27 +53,18 @@ class AugmentConfig:
     viewpoint_lookahead: float = 15.0
     """Metres ahead at which the label's steering has brought the car back (7.2 m make a side camera's 0.2)."""
 
+    def check(self) -> None:
+        """Refuse values that cannot work.
 
-@dataclass(frozen=True)
-class View:
-    """How a frame is seen, or n frames are.
-
-    Attributes:
-        steering: to learn (-1..1): a number, or n.
-        homography: from the recorded frame's pixels to those seen: 3x3, or n x 3 x 3.
-    """
-
-    steering: float | Floats
-    homography: Matrix = field(default_factory=lambda: IDENTITY)
-
-    def moved(self, homography: Matrix, steering: float | Floats) -> "View":
-        """This view after one more homography, with a new label."""
-        return View(steering, homography @ self.homography)
-
-    def where(self, chosen: NDArray[np.bool_], other: "View") -> "View":
-        """This view of the chosen frames, another one of the rest."""
-        homography = np.where(chosen[:, None, None], self.homography, other.homography)
-        return View(np.where(chosen, self.steering, other.steering), homography)
+        Raises:
+            ValueError: names the option, its value and what it may be.
+        """
+        for name in [geometric.name for geometric in GEOMETRIC] + [photometric.name for photometric in PHOTOMETRIC]:
+            probability = getattr(self, name)
+            if not 0 <= probability <= 1:
+                raise ValueError(f"--augment.{name} {probability}: must lie in 0..1")
+        if self.viewpoint_lookahead <= 0:
+            raise ValueError(f"--augment.viewpoint-lookahead {self.viewpoint_lookahead}: must be greater than 0")
 
 
 # Geometry: what is seen, and the label
@@ -89,9 +76,9 @@ def flip(view: View) -> View:
 
 
 def rotate(view: View, degrees: float | Floats) -> View:
-    """Rotate counter-clockwise about the middle and add the angle in radians to the steering (seed 000).
+    """Rotate counter-clockwise about the middle and add the angle in radians to the steering (report 000).
 
-    The label may go beyond -1..1; it is left there, as in the seed.
+    The label may go beyond -1..1; it is left there, as in the report.
     """
     angle, x, y = np.radians(degrees), COLUMNS / 2, ROWS / 2
     sine, cosine = np.sin(angle), np.cos(angle)
@@ -100,7 +87,7 @@ def rotate(view: View, degrees: float | Floats) -> View:
 
 
 def crop_height(view: View, top: float | Floats, bottom: float | Floats) -> View:
-    """Cut shares of the height off above and below and stretch the rest over the usual rows (seed 004)."""
+    """Cut shares of the height off above and below and stretch the rest over the usual rows (report 004)."""
     first, last = top * ROWS, (1 - bottom) * ROWS
     scale = (CROP_BOTTOM - CROP_TOP) / (last - first)
     return view.moved(camera.matrices(1, 0, 0, 0, scale, CROP_TOP - first * scale, 0, 0, 1), view.steering)
@@ -123,33 +110,176 @@ def shift_viewpoint(view: View, offset: float | Floats, heading: float | Floats,
     return view.moved(camera.viewpoint_homography(offset, heading), curvature_to_steering(back))
 
 
-def render(frame: Frame, homography: Matrix, rows: tuple[int, int], first_row: int = 0) -> Frame:
-    """The rows `rows[0]..rows[1]-1` of a 160x320x3 frame as a view shows it: a copy, same width.
+# Light: pixels only
 
-    Args:
-        frame: the frame, or its rows from `first_row` on, of which `rows_seen` says how many are enough.
-        homography: 3x3, the view's.
-        rows: of the whole frame.
-        first_row: of the whole frame.
+
+def brightness(pixels: Frame, factor: float) -> Frame:
+    """Scale the HSV value by a factor (report 004): the same as scaling red, green and blue."""
+    return np.asarray(cv2.convertScaleAbs(pixels, alpha=factor), np.uint8)
+
+
+def shadow(pixels: Frame, top: float, bottom: float, right: bool, factor: float) -> Frame:
+    """Darken one side of a line that enters at column `top` and leaves at column `bottom` (report 004)."""
+    height, width = pixels.shape[:2]
+    edge = width if right else 0
+    outline = np.array([[top, 0], [bottom, height], [edge, height], [edge, 0]], np.int32)
+    mask = np.zeros((height, width), np.uint8)
+    cv2.fillPoly(mask, [outline], 255)
+    return np.asarray(cv2.copyTo(brightness(pixels, factor), mask, pixels.copy()), np.uint8)
+
+
+# Each of them, as training uses it. Another one is an entry here with its fields in AugmentConfig; one that changes
+# pixels needs its counterpart in device_augment.py
+
+
+@dataclass(frozen=True)
+class Geometric:
+    """An augmentation that moves pixels, and may change the label.
+
+    Attributes:
+        name: of its probability in AugmentConfig.
+        draw: n views, each changed at random.
+        examples: a view changed as much as it may be, by what is done.
     """
-    top, bottom = rows
-    if np.array_equal(homography, IDENTITY):
-        return frame[top - first_row : bottom - first_row].copy()
-    if np.array_equal(homography, MIRROR):  # the most frequent one, without a warp
-        return np.asarray(cv2.flip(frame[top - first_row : bottom - first_row], 1), np.uint8)
-    size = (COLUMNS, bottom - top)
-    matrix = from_rows(homography, first_row, top)
-    if np.array_equal(matrix[2], [0, 0, 1]):  # the same pixels, a little faster
-        return np.asarray(cv2.warpAffine(frame, matrix[:2], size), np.uint8)
-    # a black corner would tell the network how far the viewpoint was shifted, so the border is continued
-    return np.asarray(cv2.warpPerspective(frame, matrix, size, borderMode=cv2.BORDER_REPLICATE), np.uint8)
+
+    name: str
+    draw: Callable[[View, AugmentConfig, np.random.Generator], View]
+    examples: Callable[[View, AugmentConfig], dict[str, View]]
 
 
-def from_rows(homographies: Matrix, first_row: int, top: int) -> Matrix:
-    """Homographies of whole frames as such from pictures that begin at `first_row` to ones that begin at `top`."""
-    lift, lower = np.eye(3), np.eye(3)
-    lift[1, 2], lower[1, 2] = -top, first_row
-    return np.asarray(lift @ homographies @ lower)
+@dataclass(frozen=True)
+class Photometric:
+    """An augmentation that changes pixels where they are, by some numbers.
+
+    Attributes:
+        name: of its probability in AugmentConfig.
+        draw: those numbers for n frames, each frame with the probability: n x size.
+        size: how many there are.
+        apply: changes the pixels of a frame by its numbers.
+        examples: numbers at the ends of the range, by what they do.
+    """
+
+    name: str
+    size: int
+    draw: Callable[[int, AugmentConfig, np.random.Generator], Floats]
+    apply: Callable[[Frame, Floats], Frame]
+    examples: Callable[[AugmentConfig], dict[str, Floats]]
+
+
+def _draw_viewpoint(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
+    n = np.size(view.steering)
+    offset = rng.uniform(-config.viewpoint_metres, config.viewpoint_metres, n)
+    heading = np.radians(rng.uniform(-config.viewpoint_degrees, config.viewpoint_degrees, n))
+    return shift_viewpoint(view, offset, heading, config.viewpoint_lookahead)
+
+
+def _viewpoint_examples(view: View, config: AugmentConfig) -> dict[str, View]:
+    metres, degrees = config.viewpoint_metres, config.viewpoint_degrees
+    return {
+        f"viewpoint {side * metres:+g} m, {turn * degrees:+g}°": shift_viewpoint(
+            view, side * metres, turn * math.radians(degrees), config.viewpoint_lookahead
+        )
+        for side in (-1, 1)
+        for turn in (-1, 1)
+    }
+
+
+def _draw_rotation(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
+    return rotate(view, rng.uniform(-config.rotation_degrees, config.rotation_degrees, np.size(view.steering)))
+
+
+def _rotation_examples(view: View, config: AugmentConfig) -> dict[str, View]:
+    degrees = config.rotation_degrees
+    return {f"rotation by {sign * degrees:+g}°": rotate(view, sign * degrees) for sign in (-1, 1)}
+
+
+def _draw_crop(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
+    n = np.size(view.steering)
+    return crop_height(view, rng.uniform(*config.crop_top, n), rng.uniform(*config.crop_bottom, n))
+
+
+def _crop_examples(view: View, config: AugmentConfig) -> dict[str, View]:
+    return {
+        f"height crop {top:.0%} above, {bottom:.0%} below": crop_height(view, top, bottom)
+        for top in config.crop_top
+        for bottom in config.crop_bottom
+    }
+
+
+def _draw_brightness(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
+    return np.where(rng.random(n) < config.brightness, rng.uniform(*config.brightness_range, n), 1.0)[:, None]
+
+
+def _apply_brightness(pixels: Frame, numbers: Floats) -> Frame:
+    return pixels if numbers[0] == 1 else brightness(pixels, numbers[0])
+
+
+def _draw_shadow(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
+    """Column where the shadow's line enters, and leaves; 1 if it lies to the right of it; factor in it."""
+    factor = np.where(rng.random(n) < config.shadow, rng.uniform(*config.shadow_range, n), 1.0)
+    top, bottom = rng.uniform(0, COLUMNS, (2, n))
+    return np.stack([top, bottom, rng.integers(2, size=n), factor], 1)
+
+
+def _apply_shadow(pixels: Frame, numbers: Floats) -> Frame:
+    top, bottom, right, factor = numbers
+    return pixels if factor == 1 else shadow(pixels, top, bottom, bool(right), factor)
+
+
+GEOMETRIC: list[Geometric] = [
+    Geometric("viewpoint", _draw_viewpoint, _viewpoint_examples),
+    Geometric("rotation", _draw_rotation, _rotation_examples),
+    Geometric("crop", _draw_crop, _crop_examples),
+    Geometric("flip", lambda view, *_: flip(view), lambda view, _: {"flip": flip(view)}),
+]
+PHOTOMETRIC: list[Photometric] = [
+    Photometric(
+        "brightness",
+        1,
+        _draw_brightness,
+        _apply_brightness,
+        lambda config: {f"brightness x {factor:g}": np.array([factor]) for factor in config.brightness_range},
+    ),
+    Photometric(
+        "shadow",
+        4,
+        _draw_shadow,
+        _apply_shadow,
+        lambda config: {"shadow": np.array([0.35 * COLUMNS, 0.6 * COLUMNS, 1.0, config.shadow_range[0]])},
+    ),
+]
+
+
+# All of them together. The draws for n frames at once cost as little as one frame's
+
+
+def random_views(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
+    """Draw the geometric augmentations of n frames; each with its probability."""
+    for augmentation in GEOMETRIC:
+        changed = augmentation.draw(view, config, rng)
+        view = changed.where(rng.random(np.size(view.steering)) < getattr(config, augmentation.name), view)
+    return view
+
+
+def random_lights(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
+    """Draw the photometric augmentations of n frames: the numbers of all of them, side by side, a row a frame."""
+    return np.concatenate([augmentation.draw(n, config, rng) for augmentation in PHOTOMETRIC], axis=1)
+
+
+def light_columns() -> Iterator[tuple[Photometric, slice]]:
+    """Which of the columns that `random_lights` draws belong to which augmentation."""
+    start = 0
+    for augmentation in PHOTOMETRIC:
+        yield augmentation, slice(start, start + augmentation.size)
+        start += augmentation.size
+
+
+def in_light(pixels: Frame, light: Floats) -> Frame:
+    """Pixels in a light that `random_lights` has drawn, or as they are with no number at all."""
+    if len(light):
+        for augmentation, columns in light_columns():
+            pixels = augmentation.apply(pixels, light[columns])
+    return pixels
 
 
 def rows_seen(rows: tuple[int, int], config: AugmentConfig | None, rotation: float) -> tuple[int, int]:
@@ -161,78 +291,12 @@ def rows_seen(rows: tuple[int, int], config: AugmentConfig | None, rotation: flo
         rotation: degrees, the largest of a sample's own.
     """
     views = [View(0.0)]
-    if config and config.viewpoint:
-        metres, radians = config.viewpoint_metres, math.radians(config.viewpoint_degrees)
-        views += [
-            shift_viewpoint(view, side * metres, turn * radians, config.viewpoint_lookahead)
-            for view in views
-            for side in (-1, 1)
-            for turn in (-1, 1)
-        ]
-    turned = rotation + (config.rotation_degrees if config and config.rotation else 0)
-    if turned:
-        views += [rotate(view, sign * turned) for view in views for sign in (-1, 1)]
-    if config and config.crop:
-        views += [
-            crop_height(view, top, bottom) for view in views for top in config.crop_top for bottom in config.crop_bottom
-        ]
+    if rotation:
+        views += [rotate(view, sign * rotation) for view in views for sign in (-1, 1)]
+    for augmentation in GEOMETRIC:
+        if config and getattr(config, augmentation.name):
+            views += [changed for view in views for changed in augmentation.examples(view, config).values()]
     corners = np.array([[x, y, 1] for x in (0, COLUMNS - 1) for y in (rows[0], rows[1] - 1)]).T
     sources = [np.linalg.inv(view.homography) @ corners for view in views]
     heights = np.concatenate([source[1] / source[2] for source in sources])
     return max(math.floor(heights.min()) - 1, 0), min(math.ceil(heights.max()) + 2, ROWS)
-
-
-# Light: pixels only
-
-
-def brightness(pixels: Frame, factor: float) -> Frame:
-    """Scale the HSV value by a factor (seed 004): the same as scaling red, green and blue."""
-    return np.asarray(cv2.convertScaleAbs(pixels, alpha=factor), np.uint8)
-
-
-def shadow(pixels: Frame, top: float, bottom: float, right: bool, factor: float) -> Frame:
-    """Darken one side of a line that enters at column `top` and leaves at column `bottom` (seed 004)."""
-    height, width = pixels.shape[:2]
-    edge = width if right else 0
-    outline = np.array([[top, 0], [bottom, height], [edge, height], [edge, 0]], np.int32)
-    mask = np.zeros((height, width), np.uint8)
-    cv2.fillPoly(mask, [outline], 255)
-    return np.asarray(cv2.copyTo(brightness(pixels, factor), mask, pixels.copy()), np.uint8)
-
-
-def in_light(pixels: Frame, light: Floats) -> Frame:
-    """Pixels in a light that `random_lights` has drawn."""
-    factor, top, bottom, right, shade = light
-    if factor != 1:
-        pixels = brightness(pixels, factor)
-    return pixels if shade == 1 else shadow(pixels, top, bottom, bool(right), shade)
-
-
-# Drawing at random, for n frames at once: their draws cost as little as one frame's
-
-
-def random_views(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
-    """Draw the geometric augmentations of n frames; each with its probability."""
-    n = np.size(view.steering)
-    offset = rng.uniform(-config.viewpoint_metres, config.viewpoint_metres, n)
-    heading = np.radians(rng.uniform(-config.viewpoint_degrees, config.viewpoint_degrees, n))
-    shifted = shift_viewpoint(view, offset, heading, config.viewpoint_lookahead)
-    view = shifted.where(rng.random(n) < config.viewpoint, view)
-    turned = rotate(view, rng.uniform(-config.rotation_degrees, config.rotation_degrees, n))
-    view = turned.where(rng.random(n) < config.rotation, view)
-    cropped = crop_height(view, rng.uniform(*config.crop_top, n), rng.uniform(*config.crop_bottom, n))
-    view = cropped.where(rng.random(n) < config.crop, view)
-    return flip(view).where(rng.random(n) < config.flip, view)
-
-
-def random_lights(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
-    """Draw the photometric augmentations of n frames; each with its probability.
-
-    Returns:
-        n x 5: factor on the brightness; column where the shadow's line enters, and leaves; 1 if the shadow lies to
-        its right; factor in the shadow.
-    """
-    factor = np.where(rng.random(n) < config.brightness, rng.uniform(*config.brightness_range, n), 1.0)
-    shade = np.where(rng.random(n) < config.shadow, rng.uniform(*config.shadow_range, n), 1.0)
-    top, bottom = rng.uniform(0, COLUMNS, (2, n))
-    return np.stack([factor, top, bottom, rng.integers(2, size=n), shade], 1)

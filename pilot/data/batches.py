@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pilot.camera import Floats, Matrix
-from pilot.data.augment import AugmentConfig, View, flip, in_light, random_lights, random_views, render, rotate
+from pilot.data.augment import AugmentConfig, flip, in_light, random_lights, random_views, rotate
 from pilot.data.device_augment import Draws
 from pilot.data.frame_cache import FrameCache
 from pilot.data.frames import Frame, UnreadableImage
+from pilot.data.view import View, render
 from pilot.vehicle import COLUMNS, ROWS
 
 
@@ -111,7 +112,7 @@ class BatchLoader:
         view = View(self.steering)
         view = rotate(view, self.rotation).where(self.rotation != 0, view)
         view = flip(view).where(self.flip, view)
-        lights = np.ones((n, 5))
+        lights = np.empty((n, 0))
         if self.augment:
             rng = np.random.default_rng([self.seed, epoch, 1])
             view, lights = random_views(view, self.augment, rng), random_lights(n, self.augment, rng)
@@ -159,7 +160,7 @@ class BatchLoader:
 
 @dataclass(frozen=True)
 class _Drawn:
-    """How each sample is seen in an epoch: label, homography (3x3), light (5)."""
+    """How each sample is seen in an epoch: label, homography (3x3), light (the photometric augmentations' numbers)."""
 
     steering: Floats
     homographies: Matrix

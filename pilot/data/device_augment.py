@@ -4,6 +4,7 @@ A GPU takes a hundredth of a CPU's time for a step, so that OpenCV could not kee
 so that both see the same pictures. Where the two differ (by a grey level or two), OpenCV rounds its coefficients.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from pilot.camera import Floats, Matrix
-from pilot.data.augment import from_rows
+from pilot.data.augment import light_columns
+from pilot.data.view import from_rows
 from pilot.vehicle import COLUMNS, ROWS
 
 
@@ -22,7 +24,7 @@ class Draws:
 
     Attributes:
         homographies: n x 3 x 3, float32: from pixels of the rows shown back to pixels of the rows kept.
-        lights: n x 5, float32: as random_lights draws them.
+        lights: n x the photometric augmentations' numbers, float32: as random_lights draws them.
     """
 
     homographies: Tensor
@@ -73,11 +75,24 @@ def _warp(pixels: Tensor, homographies: Tensor, height: int) -> Tensor:
 
 
 def _in_light(pixels: Tensor, lights: Tensor) -> Tensor:
+    for augmentation, columns in light_columns() if lights.shape[1] else ():
+        pixels = ON_DEVICE[augmentation.name](pixels, lights[:, columns, None, None])
+    return pixels
+
+
+def _brightness(pixels: Tensor, numbers: Tensor) -> Tensor:
+    return (pixels * numbers).round().clamp(0, 255)
+
+
+def _shadow(pixels: Tensor, numbers: Tensor) -> Tensor:
     height = pixels.shape[2]
-    factor, top, bottom, right, shadow = lights[:, :, None, None].unbind(1)
+    top, bottom, right, factor = numbers.unbind(1)
     row = torch.arange(height, device=pixels.device)[:, None]
     column = torch.arange(COLUMNS, device=pixels.device)
     line = top + (bottom - top) * row / height
     in_shadow = torch.where(right > 0, column >= line, column <= line)
-    lit = (pixels * factor[:, None]).round().clamp(0, 255)
-    return (lit * torch.where(in_shadow, shadow, 1.0)[:, None]).round()
+    return (pixels * torch.where(in_shadow, factor, 1.0)[:, None]).round()
+
+
+# The photometric augmentations of augment.py: n x 3 x rows x columns pixels, 0..255, by n x size x 1 x 1 numbers
+ON_DEVICE: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"brightness": _brightness, "shadow": _shadow}

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from pilot.data.augment import CROP_BOTTOM, CROP_TOP
+from pilot.data.view import CROP_BOTTOM, CROP_TOP
 
 
 class SteeringNetwork(nn.Module):

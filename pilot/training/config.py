@@ -73,6 +73,7 @@ class TrainingConfig:
         Raises:
             ValueError: names the option, its value and what it may be.
         """
+        self.augment.check()
         positive = {
             "epochs": self.epochs,
             "batch-size": self.batch_size,
@@ -83,7 +84,6 @@ class TrainingConfig:
             "samples.bins": self.samples.bins,
             "samples.cap": self.samples.cap,
             "samples.first-part": self.samples.first_part,
-            "augment.viewpoint-lookahead": self.augment.viewpoint_lookahead,
         }
         not_negative = {
             "l2": self.l2,
@@ -93,11 +93,7 @@ class TrainingConfig:
             "samples.smooth-seconds": self.samples.smooth_seconds,
             "samples.rotated-copies": self.samples.rotated_copies,
         }
-        shares = {
-            f"augment.{name}": getattr(self.augment, name)
-            for name in ("flip", "rotation", "brightness", "shadow", "crop", "viewpoint")
-        }
-        shares |= {"samples.drop-zeros": self.samples.drop_zeros, "samples.first-part": self.samples.first_part}
+        shares = {"samples.drop-zeros": self.samples.drop_zeros, "samples.first-part": self.samples.first_part}
         _demand(positive, lambda value: value > 0, "must be greater than 0")
         _demand(not_negative, lambda value: value >= 0, "must not be negative")
         _demand(shares, lambda value: 0 <= value <= 1, "must lie in 0..1")

@@ -11,19 +11,10 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from pilot.camera import path_pixels
-from pilot.data.augment import (
-    AugmentConfig,
-    View,
-    brightness,
-    crop_height,
-    flip,
-    render,
-    rotate,
-    shadow,
-    shift_viewpoint,
-)
+from pilot.data.augment import GEOMETRIC, PHOTOMETRIC, AugmentConfig
 from pilot.data.frames import Frame, read_frame
 from pilot.data.samples import SampleConfig, side_steering
+from pilot.data.view import View, render
 from pilot.files import write_atomically
 from pilot.vehicle import CAMERAS, COLUMNS, ROWS
 
@@ -74,28 +65,15 @@ def sample_sheet(
 
 
 def _augmented(frame: Frame, steering: float, config: AugmentConfig) -> list[tuple[str, Frame, float]]:
-    """Every augmentation at the end of its range (whether this training uses it or not)."""
-    plain, metres = View(steering), config.viewpoint_metres
-    heading = np.radians(config.viewpoint_degrees)
-    degrees, top, bottom = config.rotation_degrees, config.crop_top[1], config.crop_bottom[1]
+    """Every augmentation at the ends of its range (whether this training uses it or not)."""
     views = {
-        "flip": flip(plain),
-        f"rotation by {degrees:g}°": rotate(plain, degrees),
-        "random height crop": crop_height(plain, top, bottom),
-        f"viewpoint {metres:g} m to the right": shift_viewpoint(plain, metres, 0, config.viewpoint_lookahead),
-        f"viewpoint {metres:g} m to the left": shift_viewpoint(plain, -metres, 0, config.viewpoint_lookahead),
-        f"viewpoint turned {config.viewpoint_degrees:g}° to the right": shift_viewpoint(
-            plain, 0, heading, config.viewpoint_lookahead
-        ),
+        name: view for augmentation in GEOMETRIC for name, view in augmentation.examples(View(steering), config).items()
     }
-    dark, bright = config.brightness_range
-    shade = shadow(frame, 0.35 * COLUMNS, 0.6 * COLUMNS, True, config.shadow_range[0])
     tiles = [(name, render(frame, view.homography, WHOLE), float(view.steering)) for name, view in views.items()]
-    return [
-        *tiles,
-        (f"brightness x {dark:g}", brightness(frame, dark), steering),
-        (f"brightness x {bright:g}", brightness(frame, bright), steering),
-        ("shadow", shade, steering),
+    return tiles + [
+        (name, augmentation.apply(frame, numbers), steering)
+        for augmentation in PHOTOMETRIC
+        for name, numbers in augmentation.examples(config).items()
     ]
 
 

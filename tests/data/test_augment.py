@@ -7,7 +7,8 @@ from conftest import picture
 
 from pilot import vehicle
 from pilot.data import augment
-from pilot.data.augment import AugmentConfig, View
+from pilot.data.augment import AugmentConfig
+from pilot.data.view import View, render
 from pilot.training.recipes import RECIPES
 
 WHOLE = (0, 160)
@@ -24,7 +25,7 @@ def test_flip_mirrors_picture_and_steering() -> None:
     view = augment.flip(View(0.3))
     frame = picture(0.5)
     assert view.steering == -0.3
-    np.testing.assert_array_equal(augment.render(frame, view.homography, WHOLE), frame[:, ::-1])
+    np.testing.assert_array_equal(render(frame, view.homography, WHOLE), frame[:, ::-1])
 
 
 @pytest.mark.parametrize("degrees", [-45.0, -5.0, 5.0, 45.0])
@@ -39,7 +40,7 @@ def test_rotation_adds_its_angle_in_radians(degrees: float) -> None:
 
 def test_rotation_uses_the_whole_frame_before_the_crop() -> None:
     frame = np.full((160, 320, 3), 200, np.uint8)
-    rows = augment.render(frame, augment.rotate(View(0), 5).homography, (70, 135))
+    rows = render(frame, augment.rotate(View(0), 5).homography, (70, 135))
     assert rows.shape == (65, 320, 3)
     assert rows[:, 40:280].min() == 200  # no black corner of a rotated crop
 
@@ -48,7 +49,7 @@ def test_rotation_uses_the_whole_frame_before_the_crop() -> None:
 def test_a_shifted_viewpoint_steers_back_to_the_path(offset: float) -> None:
     view = augment.shift_viewpoint(View(0.1), offset, 0, 10)
     assert np.sign(view.steering - 0.1) == -np.sign(offset)
-    moved = post_column(augment.render(picture(0), view.homography, WHOLE))
+    moved = post_column(render(picture(0), view.homography, WHOLE))
     assert np.sign(moved - post_column(picture(0))) == -np.sign(offset)
 
 
@@ -77,7 +78,7 @@ def test_height_crop_stretches_the_rows_left_and_keeps_the_label() -> None:
     view = augment.crop_height(View(0.4), top, bottom)
     assert view.steering == 0.4
     frame = np.repeat(np.arange(160, dtype=np.uint8)[:, None, None], 320, 1).repeat(3, 2)
-    seen = augment.render(frame, view.homography, (augment.CROP_TOP, augment.CROP_BOTTOM))[:, 100, 0]
+    seen = render(frame, view.homography, (augment.CROP_TOP, augment.CROP_BOTTOM))[:, 100, 0]
     assert seen[0] == pytest.approx(top * 160, abs=1.5)
     assert seen[-1] == pytest.approx((1 - bottom) * 160, abs=2.5)
 
@@ -101,8 +102,8 @@ def test_views_are_joined_in_order() -> None:
     """Rotated, then mirrored: one warp gives what two would."""
     frame = picture(0.3)
     turned, mirrored = augment.rotate(View(0), 10), augment.flip(View(0))
-    joined = augment.render(frame, augment.flip(turned).homography, WHOLE)
-    one_by_one = augment.render(augment.render(frame, turned.homography, WHOLE), mirrored.homography, WHOLE)
+    joined = render(frame, augment.flip(turned).homography, WHOLE)
+    one_by_one = render(render(frame, turned.homography, WHOLE), mirrored.homography, WHOLE)
     assert np.abs(joined.astype(int) - one_by_one).mean() < 1
 
 
