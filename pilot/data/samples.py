@@ -8,21 +8,20 @@ flip and rotation (degrees): an augmentation that is the sample's own, for copie
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from pilot.camera import Floats
 from pilot.data.driving_log import part_of_each
+from pilot.data.segments import segment_numbers
 from pilot.vehicle import CAMERAS
 
-Floats = NDArray[np.float64]
 Generator = np.random.Generator
 
 SHORTEST_BLOCK = 0.1  # seconds; blocks of a short recording are shortened until there are enough to choose from
-LONGEST_GAP = 1.0  # seconds; rows further apart than this are not of one drive
-SPIKE_FACTOR = 0.85  # seed 004: no spike above this share of the largest ordinary value's count
+SPIKE_FACTOR = 0.85  # report 004: no spike above this share of the largest ordinary value's count
 SPIKE_WIDTH = 0.01  # steering values closer than this count as one value
 SPIKE_SHARE = 0.05  # a value is a spike when more than this share of all samples has it
 
@@ -34,21 +33,22 @@ class SampleConfig:
     cameras: Literal["all", "center"] = "all"
     """Pictures of all three cameras, or of the middle one only."""
     side_rule: Literal["constant", "geometric"] = "constant"
-    """Steering of the side cameras' pictures: a constant correction, or seed 004's arctan(tan(a) +- 1/4)."""
+    """Steering of the side cameras' pictures: a constant correction, or report 004's arctan(tan(a) +- 1/4)."""
     side_correction: float = 0.2
     """The constant correction: added for the left camera, taken off for the right one (-1..1)."""
     smooth_seconds: float = 0.0
     """Average the recorded steering over this time (for keyboard drivers, who steer in jerks); 0: as recorded."""
     balance: Literal["none", "drop-zeros", "spikes", "cap", "weight"] = "none"
-    """How an excess of equal steering (mostly 0) is evened out: see the README."""
+    """How an excess of equal steering (mostly 0) is evened out: see docs/training.md."""
     drop_zeros: float = 0.9
     """For balance=drop-zeros: share of the moments with zero steering to drop."""
     bins: int = 25
     """For balance=cap and weight: bins of the steering histogram over -1..1."""
     cap: float = 2.0
     """For balance=cap: no bin may hold more than this many times the mean of the filled bins."""
-    split: Literal["blocks", "moments"] = "blocks"
-    """Validation by contiguous blocks of time (neighbouring frames are near copies), or by single moments."""
+    split: Literal["blocks", "recordings", "moments"] = "blocks"
+    """Validation by contiguous blocks of time (neighbouring frames are near copies), by whole recordings (is it
+    good on a drive it has not seen?), or by single moments, as the students did."""
     validation_share: float = 0.2
     """Share of the moments kept for validation."""
     block_seconds: float = 10.0
@@ -69,7 +69,7 @@ def make_samples(rows: pd.DataFrame, config: SampleConfig, seed: int) -> tuple[p
     """Turn the rows of a driving log into samples for training and for validation.
 
     Everything taken at one moment is on one side. Validation holds the centre pictures with the
-    steering as it was recorded; only balance=spikes balances it too, as seed 004 does.
+    steering as it was recorded; only balance=spikes balances it too, as report 004 does.
 
     Raises:
         ValueError: too few rows for a training and a validation set.
@@ -96,19 +96,16 @@ def split_rows(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.
     """True for the rows of the validation set; about `validation_share` of them.
 
     With split=blocks every recording is cut into blocks of time, and of each handful of neighbouring
-    blocks one is drawn, so that validation comes from all parts of the drive.
+    blocks one is drawn, so that validation comes from all parts of the drive. With split=recordings the
+    share is that of the recordings, of however many rows they are.
 
     Raises:
         ValueError: one of the two sets would be empty.
     """
-    if config.split == "moments":
-        from sklearn.model_selection import GroupShuffleSplit  # noqa: PLC0415 - takes a second, and is seldom wanted
-
-        splitter = GroupShuffleSplit(1, test_size=config.validation_share, random_state=int(rng.integers(2**31)))
-        chosen = next(splitter.split(rows, groups=rows.index))[1] if len(rows) > 1 else []
-        validating = pd.Series(rows.index.isin(chosen), index=rows.index)
-    else:
+    if config.split == "blocks":
         validating = _validation_blocks(rows, config, rng)
+    else:
+        validating = _validation_groups(rows, config, rng)
     if len(rows) == 0 or validating.all() or not validating.any():
         raise ValueError(
             f"{len(rows)} moments faster than {config.min_speed} mph are too few to keep a validation set apart: "
@@ -129,18 +126,25 @@ def _validation_blocks(rows: pd.DataFrame, config: SampleConfig, rng: Generator)
     return blocks.isin(chosen)
 
 
+def _validation_groups(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.Series[bool]":
+    from sklearn.model_selection import GroupShuffleSplit  # noqa: PLC0415 - takes a second, and is seldom wanted
+
+    groups = rows["recording"] if config.split == "recordings" else rows.index.to_series()
+    if config.split == "recordings" and groups.nunique() == 1:
+        raise ValueError(
+            "--samples.split recordings keeps whole recordings for validation, and there is only one: "
+            "name more with --data, or use --samples.split blocks"
+        )
+    splitter = GroupShuffleSplit(1, test_size=config.validation_share, random_state=int(rng.integers(2**31)))
+    chosen = next(splitter.split(rows, groups=groups))[1] if len(rows) > 1 else []
+    return pd.Series(rows.index.isin(chosen), index=rows.index)
+
+
 def block_numbers(rows: pd.DataFrame, seconds: float) -> "pd.Series[int]":
     """Number of the block of time (one recording, one stretch without a gap) that each row is in."""
     segment = segment_numbers(rows)
     since_start = rows["time"] - rows.groupby(segment)["time"].transform("min")
     return pd.Series(pd.MultiIndex.from_arrays([segment, since_start // seconds]).factorize()[0], index=rows.index)
-
-
-def segment_numbers(rows: pd.DataFrame) -> "pd.Series[Any]":
-    """Number of the unbroken drive that each row is in: one recording, no gap in time."""
-    step = rows["time"].diff()
-    broken = (step > LONGEST_GAP) | (step < 0) | (rows["recording"].diff() != 0)
-    return broken.cumsum()
 
 
 # Labels
@@ -166,8 +170,8 @@ def side_steering(steering: float, camera: str, config: SampleConfig) -> float:
     """The steering (-1..1) to learn for a camera's picture, when the driver steered `steering`.
 
     The left camera sees what a car too far left would see, so its picture asks for more right.
-    The geometric rule is seed 004's: bring the camera, 1 m aside, back to the middle 4 m ahead. It
-    takes the number -1..1 for an angle in radians, as the seed does: its histogram has its spikes at
+    The geometric rule is report 004's: bring the camera, 1 m aside, back to the middle 4 m ahead. It
+    takes the number -1..1 for an angle in radians, as the report does: its histogram has its spikes at
     +-0.245 = arctan(1/4). (By the car's true scale of 25 degrees that would be +-0.56, too strong.)
     """
     sign = {"center": 0.0, "left": 1.0, "right": -1.0}[camera]
@@ -204,12 +208,12 @@ def balance(samples: pd.DataFrame, config: SampleConfig, rng: Generator) -> pd.D
 
 
 def _surplus_zeros(steering: "pd.Series[float]", share: float, rng: Generator) -> "pd.Series[bool]":
-    """Seed 002: mark a share of the moments whose steering is exactly zero."""
+    """Report 002: mark a share of the moments whose steering is exactly zero."""
     return (steering == 0) & (rng.random(len(steering)) < share)
 
 
 def drop_spikes(samples: pd.DataFrame, rng: Generator) -> pd.DataFrame:
-    """Seed 004: take out the over-represented steering values and mix only a sample of them back in.
+    """Report 004: take out the over-represented steering values and mix only a sample of them back in.
 
     Together the spikes come back as 0.85 x their number x the count of the most frequent ordinary value.
     """
@@ -249,7 +253,7 @@ def _bins(steering: "pd.Series[float]", bins: int) -> "pd.Series[int]":
 
 
 def add_copies(samples: pd.DataFrame, config: SampleConfig, rng: Generator) -> pd.DataFrame:
-    """Seeds 000 and 002: mirrored and rotated copies of every training picture, made once.
+    """Reports 000 and 002: mirrored and rotated copies of every training picture, made once.
 
     A copy is a row that says how its picture is changed; the label is changed with the picture.
     """

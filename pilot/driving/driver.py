@@ -12,6 +12,7 @@ from pilot.model.inference import fast_forward
 from pilot.vehicle import COLUMNS, ROWS
 
 SteeringPolicy = Callable[[Frame], float]  # a 160x320x3 uint8 RGB frame to steering, -1..1
+DrivingCheck = Callable[[SteeringPolicy], tuple[int, float]]  # drives: interventions, mean cross-track error in metres
 
 WARM_UP = 5  # the first runs of a network allocate memory, which must not happen while the car drives
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from pilot.data.samples import LONGEST_GAP
+from pilot.data.segments import breaks
 from pilot.simulator.car import path_curvature
 from pilot.vehicle import MPH
 
@@ -83,13 +83,13 @@ def continuous_segments(rows: pd.DataFrame) -> Iterator[pd.DataFrame]:
         raise UnusableRecording("the log holds no speed, without which the driven path is unknown: record anew")
     pause = rows["time"].diff()
     leap = rows["speed"].diff().abs() * MPH > HARDEST * pause + 0.5
-    breaks = (pause > LONGEST_GAP) | (pause <= 0) | leap | (rows["recording"].diff() != 0)
-    if pause[~breaks].median() > 1 / SLOWEST_RATE:
+    broken = breaks(rows) | (pause == 0) | leap
+    if pause[~broken].median() > 1 / SLOWEST_RATE:
         raise UnusableRecording(
-            f"{1 / pause[~breaks].median():.1f} rows a second are too few to replay: "
+            f"{1 / pause[~broken].median():.1f} rows a second are too few to replay: "
             f"record at least {SLOWEST_RATE:g}, better 10"
         )
-    for _, segment in rows.groupby(breaks.cumsum(), sort=False):
+    for _, segment in rows.groupby(broken.cumsum(), sort=False):
         if segment["time"].iloc[-1] - segment["time"].iloc[0] >= SHORTEST_SEGMENT:
             yield segment.reset_index(drop=True)
 

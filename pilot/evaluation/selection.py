@@ -5,13 +5,12 @@ import functools
 import numpy as np
 import pandas as pd
 
-from pilot.driving.driver import SteeringPolicy
+from pilot.driving.driver import DrivingCheck, SteeringPolicy
 from pilot.evaluation.closed_loop import drive_laps
 from pilot.evaluation.conditions import Conditions
 from pilot.evaluation.replay import Replayable, prepare, replay
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.trajectory import Trajectory
-from pilot.training.trainer import DrivingCheck
 
 # roads that are in no demonstration; another seed of the start place for each
 ROADS = tuple(f"random:{seed}" for seed in range(2000, 2006))

@@ -21,8 +21,8 @@ class TrainingConfig:
     out: Path = Path("model.pt")
     """Where the model goes; history and pictures go into a folder beside it."""
     recipe: str = "default"
-    """Settings to start from (the options here override them): see the table in the README. Where there are only the
-    built-in simulator's laps to learn from: built-in."""
+    """Settings to start from (the options here override them): see the table in docs/training.md. Where there are
+    only the built-in simulator's laps to learn from: built-in."""
     resume: bool = False
     """Go on with an interrupted training of this --out, with the options it was started with."""
     start: Path | None = None
@@ -62,7 +62,7 @@ class TrainingConfig:
     unused go first. 0: decode each picture each time."""
     tensorboard: bool = False
     """Also write TensorBoard events (pip install tensorboard)."""
-    # a side camera 0.82 m off the middle comes back 15 m ahead, as the shifted viewpoints do; the seeds' 0.2
+    # a side camera 0.82 m off the middle comes back 15 m ahead, as the shifted viewpoints do; the students' 0.2
     # (7 m ahead) is so strong that the picture's place on the road outweighs what the driver did
     samples: SampleConfig = field(default_factory=lambda: SampleConfig(side_correction=0.05))
     augment: AugmentConfig = field(default_factory=AugmentConfig)

@@ -14,6 +14,7 @@ from pilot.data.batches import Batch
 from pilot.data.driving_log import DrivingLog, read_driving_logs
 from pilot.data.frame_cache import FrameCache
 from pilot.data.samples import make_samples
+from pilot.driving.driver import DrivingCheck
 from pilot.model.checkpoint import Model, load_values, save_model, to_jsonable
 from pilot.model.networks import network_class
 from pilot.progress import ProgressBar, no_bar, terminal_bar
@@ -27,7 +28,7 @@ from pilot.training.report import (
     draw_samples,
     validate_model,
 )
-from pilot.training.trainer import DrivingCheck, Training
+from pilot.training.trainer import Training
 
 STATE = "state.pt"
 LOWEST_ERROR = "lowest_error.pt"

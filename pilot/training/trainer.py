@@ -27,7 +27,7 @@ from pilot.data.batches import Batch, BatchLoader, MicroBatch
 from pilot.data.device_augment import augment
 from pilot.data.frame_cache import FrameCache
 from pilot.data.frames import Frame
-from pilot.driving.driver import SteeringPolicy
+from pilot.driving.driver import DrivingCheck
 from pilot.files import write_atomically
 from pilot.interrupt import Interrupt, catch_interrupt
 from pilot.model.build import build_network
@@ -40,9 +40,6 @@ from pilot.training.distributed import Processes
 from pilot.training.metrics import Agreement, agreement
 
 SAVE_SECONDS = 120  # a power cut costs at most this much work
-DrivingCheck = Callable[
-    [SteeringPolicy], tuple[int, float]
-]  # how well it drives: interventions, mean cross-track error, m
 
 
 class Training:

@@ -55,6 +55,19 @@ def test_a_moment_is_on_one_side_only(split: str) -> None:
     assert 0.15 < len(set(validation["moment"])) / len(rows) < 0.25
 
 
+def test_whole_recordings_can_be_kept_for_validation() -> None:
+    rows = pd.concat([drive(100 * (1 + number), recording=number) for number in range(5)], ignore_index=True)
+    training, validation = samples_of(rows, split="recordings")
+    assert training["recording"].nunique() == 4
+    assert validation["recording"].nunique() == 1
+    assert not set(training["recording"]) & set(validation["recording"])
+
+
+def test_a_single_recording_cannot_be_split_by_recordings() -> None:
+    with pytest.raises(ValueError, match=r"--samples.split recordings .* only one: name more with --data"):
+        samples_of(drive(), split="recordings")
+
+
 def test_only_the_first_part_of_each_recording_is_learned_from() -> None:
     rows = pd.concat([drive(300), drive(200, recording=1)], ignore_index=True)
     training, validation = samples_of(rows, first_part=0.8)
@@ -93,7 +106,7 @@ def test_side_cameras_steer_towards_the_middle() -> None:
     np.testing.assert_allclose(by_camera["right"] - by_camera["center"], -0.2)
 
 
-def test_geometric_rule_is_the_seeds() -> None:
+def test_geometric_rule_is_that_of_report_004() -> None:
     config = SampleConfig(side_rule="geometric")
     assert side_steering(0.0, "left", config) == pytest.approx(0.245, abs=1e-3)
     assert side_steering(0.3, "right", config) == pytest.approx(math.atan(math.tan(0.3) - 0.25))

@@ -7,7 +7,7 @@ from pilot.model.steering_network import Standardised, dense
 
 
 class DenseNet(Standardised):
-    """Seed 004's DenseNet, 187,469 parameters (the document's 189,373 normalises rows, not channels)."""
+    """Report 004's DenseNet, 187,469 parameters (the document's 189,373 normalises rows, not channels)."""
 
     GROWTH, UNITS = 12, 3
 

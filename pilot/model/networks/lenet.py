@@ -6,7 +6,7 @@ from pilot.model.steering_network import SteeringNetwork, dense, pooled
 
 
 class LeNet(SteeringNetwork):
-    """Seed 002's modified LeNet, 723,091 parameters."""
+    """Report 002's modified LeNet, 723,091 parameters."""
 
     columns = (1, 319)  # one column less at each side: only that gives the document's count
 

@@ -6,7 +6,7 @@ from pilot.model.steering_network import SteeringNetwork, dense, pooled
 
 
 class LeNet5(SteeringNetwork):
-    """Seed 000's first try: the classical LeNet-5 layout (6 and 16 maps, 120, 84) on the cropped picture."""
+    """Report 000's first try: the classical LeNet-5 layout (6 and 16 maps, 120, 84) on the cropped picture."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -6,7 +6,7 @@ from pilot.model.steering_network import SteeringNetwork, dense, nvidia_convolut
 
 
 class Nvidia(SteeringNetwork):
-    """Seed 000: NVIDIA's layout on the cropped full-size picture, 2,712,951 parameters."""
+    """Report 000: NVIDIA's layout on the cropped full-size picture, 2,712,951 parameters."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -6,7 +6,7 @@ from pilot.model.steering_network import Standardised, dense, pooled
 
 
 class SimpleNet(Standardised):
-    """Seed 004's SimpleNet, 183,683 parameters."""
+    """Report 004's SimpleNet, 183,683 parameters."""
 
     def __init__(self) -> None:
         super().__init__()
