@@ -28,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.training import endless, made_up_recording, prepare, rate_of
 from pilot import process_settings
-from pilot.data.augment import in_light
+from pilot.data.augment import apply_photometric
 from pilot.data.frame_cache import FrameCache
 from pilot.data.view import render
 from pilot.model.build import build_network
@@ -92,7 +92,7 @@ def stages(training: Training) -> dict[str, float]:
         "read what was decoded": seconds(lambda: [training.cache.read(path) for path in paths]),
         "draw the augmentations": seconds(lambda: loader._draw(0)) * PICTURES / len(loader.images),
         "augment: warp": seconds(warp),
-        "augment: light and shadow": seconds(lambda: list(map(in_light, warped, drawn.lights))),
+        "augment: light and shadow": seconds(lambda: list(map(apply_photometric, warped, drawn.photometric))),
         "scale the pixels": seconds(lambda: network.prepare(crop)),
         "forward": seconds(lambda: network.layers(pixels)),
         "backward": seconds(lambda: torch.autograd.grad(loss, training.parameters, retain_graph=True)),

@@ -14,8 +14,9 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from pilot.arrays import Frame
 from pilot.data.driving_log import read_driving_logs
-from pilot.data.frames import Frame, read_frame
+from pilot.data.frames import read_frame
 from pilot.evaluation.replay_view import warp
 from pilot.vehicle import CAMERA_OFFSETS
 

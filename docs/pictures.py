@@ -26,7 +26,7 @@ from selenium.webdriver.common.by import By
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from pilot.data.frames import Frame
+from pilot.arrays import Frame
 from pilot.simulator.simulator import Simulator
 from pilot.vehicle import CAMERAS
 

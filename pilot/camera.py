@@ -10,8 +10,8 @@ import math
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pilot.arrays import Floats, Matrix
 from pilot.vehicle import (
     CAMERA_AHEAD_OF_REAR_AXLE,
     CAMERA_HEIGHT,
@@ -24,8 +24,6 @@ from pilot.vehicle import (
     steering_to_curvature,
 )
 
-Floats = NDArray[np.float64]
-Matrix = NDArray[np.float64]
 Number = TypeVar("Number", float, Floats)
 
 

@@ -62,8 +62,8 @@ import numpy as np
 import torch
 
 from pilot.commands import train
-from pilot.data.augment import in_light, random_lights
-from pilot.data.device_augment import Draws, augment
+from pilot.data.augment import apply_photometric, draw_photometric
+from pilot.data.device_augment import DrawnAugmentations, augment
 from pilot.model.checkpoint import load_model
 from pilot.simulator.catalogue import track_names
 from pilot.simulator.simulator import Simulator
@@ -75,9 +75,9 @@ model = load_model(Path("model.pt"))
 assert (model.name, type(model.network).__name__) == ("one_layer", "OneLayer")
 assert model.config["augment"]["negative"] == 1.0
 frames = np.full((1, 160, 320, 3), 100, np.uint8)
-lights = random_lights(1, RECIPES["tiny"].augment, np.random.default_rng(0))
-assert (in_light(frames[0], lights[0]) == 155).all()
-seen = augment(torch.from_numpy(frames), Draws.of(np.eye(3)[None], lights, 0, 0), (0, 160))
+lights = draw_photometric(1, RECIPES["tiny"].augment, np.random.default_rng(0))
+assert (apply_photometric(frames[0], lights[0]) == 155).all()
+seen = augment(torch.from_numpy(frames), DrawnAugmentations.of(np.eye(3)[None], lights, 0, 0), (0, 160))
 assert (seen[:, 1:-1, 1:-1] == 155).all()
 assert track_names()[-1] == "square"
 simulator = Simulator()

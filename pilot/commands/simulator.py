@@ -100,11 +100,11 @@ def record(config: RecordConfig) -> None:
     print(f"{rows} moments in {config.out}. To learn from them: python model.py --data {config.out}")
 
 
-def by_hand(config: WindowConfig) -> None:
+def drive_by_hand(config: WindowConfig) -> None:
     """Open the window."""
-    from pilot.simulator.window.window import drive_by_hand
+    from pilot.simulator.window.window import drive_manually
 
-    drive_by_hand(config.road.name, config.road.light, config.out)
+    drive_manually(config.road.name, config.road.light, config.out)
 
 
 def connect(config: ConnectConfig) -> None:
@@ -151,7 +151,7 @@ def show_laps(bar: "tqdm[NoReturn]", laps: float) -> None:
 
 
 COMMANDS: dict[str, tuple[type[Any], Callable[[Any], None]]] = {
-    "": (WindowConfig, by_hand),
+    "": (WindowConfig, drive_by_hand),
     "record": (RecordConfig, record),
     "connect": (ConnectConfig, connect),
     "drive": (ConnectConfig, connect),  # its former name

@@ -14,8 +14,7 @@ import cv2
 import numpy as np
 
 from pilot import camera
-from pilot.camera import Floats
-from pilot.data.frames import Frame
+from pilot.arrays import Floats, Frame
 from pilot.data.view import CROP_BOTTOM, CROP_TOP, MIRROR, View
 from pilot.vehicle import COLUMNS, ROWS, curvature_to_steering, steering_to_curvature
 
@@ -72,7 +71,7 @@ class AugmentConfig:
 
 def flip(view: View) -> View:
     """Mirror left and right: the steering changes its sign."""
-    return view.moved(MIRROR, -view.steering)
+    return view.transformed(MIRROR, -view.steering)
 
 
 def rotate(view: View, degrees: float | Floats) -> View:
@@ -83,14 +82,14 @@ def rotate(view: View, degrees: float | Floats) -> View:
     angle, x, y = np.radians(degrees), COLUMNS / 2, ROWS / 2
     sine, cosine = np.sin(angle), np.cos(angle)
     turn = camera.matrices(cosine, sine, x - cosine * x - sine * y, -sine, cosine, y + sine * x - cosine * y, 0, 0, 1)
-    return view.moved(turn, view.steering + angle)
+    return view.transformed(turn, view.steering + angle)
 
 
 def crop_height(view: View, top: float | Floats, bottom: float | Floats) -> View:
     """Cut shares of the height off above and below and stretch the rest over the usual rows (report 004)."""
     first, last = top * ROWS, (1 - bottom) * ROWS
     scale = (CROP_BOTTOM - CROP_TOP) / (last - first)
-    return view.moved(camera.matrices(1, 0, 0, 0, scale, CROP_TOP - first * scale, 0, 0, 1), view.steering)
+    return view.transformed(camera.matrices(1, 0, 0, 0, scale, CROP_TOP - first * scale, 0, 0, 1), view.steering)
 
 
 def shift_viewpoint(view: View, offset: float | Floats, heading: float | Floats, lookahead: float) -> View:
@@ -107,7 +106,7 @@ def shift_viewpoint(view: View, offset: float | Floats, heading: float | Floats,
     """
     curvature = steering_to_curvature(np.asarray(view.steering))
     back = curvature - 2 * (offset + lookahead * heading) / lookahead**2
-    return view.moved(camera.viewpoint_homography(offset, heading), curvature_to_steering(back))
+    return view.transformed(camera.viewpoint_homography(offset, heading), curvature_to_steering(back))
 
 
 # Light: pixels only
@@ -253,7 +252,7 @@ PHOTOMETRIC: list[Photometric] = [
 # All of them together. The draws for n frames at once cost as little as one frame's
 
 
-def random_views(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
+def draw_views(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
     """Draw the geometric augmentations of n frames; each with its probability."""
     for augmentation in GEOMETRIC:
         changed = augmentation.draw(view, config, rng)
@@ -261,28 +260,28 @@ def random_views(view: View, config: AugmentConfig, rng: np.random.Generator) ->
     return view
 
 
-def random_lights(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
+def draw_photometric(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
     """Draw the photometric augmentations of n frames: the numbers of all of them, side by side, a row a frame."""
     return np.concatenate([augmentation.draw(n, config, rng) for augmentation in PHOTOMETRIC], axis=1)
 
 
-def light_columns() -> Iterator[tuple[Photometric, slice]]:
-    """Which of the columns that `random_lights` draws belong to which augmentation."""
+def photometric_columns() -> Iterator[tuple[Photometric, slice]]:
+    """Which of the columns that `draw_photometric` draws belong to which augmentation."""
     start = 0
     for augmentation in PHOTOMETRIC:
         yield augmentation, slice(start, start + augmentation.size)
         start += augmentation.size
 
 
-def in_light(pixels: Frame, light: Floats) -> Frame:
-    """Pixels in a light that `random_lights` has drawn, or as they are with no number at all."""
+def apply_photometric(pixels: Frame, light: Floats) -> Frame:
+    """Pixels in a light that `draw_photometric` has drawn, or as they are with no number at all."""
     if len(light):
-        for augmentation, columns in light_columns():
+        for augmentation, columns in photometric_columns():
             pixels = augmentation.apply(pixels, light[columns])
     return pixels
 
 
-def rows_seen(rows: tuple[int, int], config: AugmentConfig | None, rotation: float) -> tuple[int, int]:
+def rows_needed(rows: tuple[int, int], config: AugmentConfig | None, rotation: float) -> tuple[int, int]:
     """The recorded frame's rows that any view of `rows` may show.
 
     Args:

@@ -17,11 +17,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pilot.camera import Floats, Matrix
-from pilot.data.augment import AugmentConfig, flip, in_light, random_lights, random_views, rotate
-from pilot.data.device_augment import Draws
+from pilot.arrays import Floats, Frame, Matrix
+from pilot.data.augment import AugmentConfig, apply_photometric, draw_photometric, draw_views, flip, rotate
+from pilot.data.device_augment import DrawnAugmentations
 from pilot.data.frame_cache import FrameCache
-from pilot.data.frames import Frame, UnreadableImage
+from pilot.data.frames import UnreadableImage
 from pilot.data.view import View, render
 from pilot.vehicle import COLUMNS, ROWS
 
@@ -43,7 +43,7 @@ class MicroBatch:
     steering: Tensor
     weight: Tensor
     index: NDArray[np.int64]
-    draws: Draws | None = None
+    draws: DrawnAugmentations | None = None
 
 
 @dataclass(frozen=True)
@@ -106,41 +106,43 @@ class BatchLoader:
         numbers = np.arange(len(self.images))
         return numbers if self.augment is None else np.random.default_rng([self.seed, epoch]).permutation(numbers)
 
-    def _draw(self, epoch: int) -> "_Drawn":
+    def _draw(self, epoch: int) -> "_EpochViews":
         """How all samples are to be seen in an epoch."""
         n = len(self.images)
         view = View(self.steering)
         view = rotate(view, self.rotation).where(self.rotation != 0, view)
         view = flip(view).where(self.flip, view)
-        lights = np.empty((n, 0))
+        photometric = np.empty((n, 0))
         if self.augment:
             rng = np.random.default_rng([self.seed, epoch, 1])
-            view, lights = random_views(view, self.augment, rng), random_lights(n, self.augment, rng)
-        return _Drawn(np.asarray(view.steering), view.homography, lights)
+            view, photometric = draw_views(view, self.augment, rng), draw_photometric(n, self.augment, rng)
+        return _EpochViews(np.asarray(view.steering), view.homography, photometric)
 
-    def _batch(self, index: NDArray[np.int64], drawn: "_Drawn") -> Batch:
+    def _batch(self, index: NDArray[np.int64], drawn: "_EpochViews") -> Batch:
         micro_batches = np.array_split(index[self.rank :: self.world_size], self.micro_batches)
         load = self._load_for_gpu if self.for_gpu else self._load
         return Batch(len(index), [functools.partial(load, micro_batch, drawn) for micro_batch in micro_batches])
 
-    def _load(self, index: NDArray[np.int64], drawn: "_Drawn") -> MicroBatch:
+    def _load(self, index: NDArray[np.int64], drawn: "_EpochViews") -> MicroBatch:
         """Read samples, and augment them."""
         top, bottom = self.rows
         frames = np.empty((len(index), ROWS, COLUMNS, 3), np.uint8)  # pages of rows not filled are never touched
         readable: list[int] = []
         for sample, kept in self._read(index):
             pixels = render(kept, drawn.homographies[sample], self.rows, self.cache.rows[0])
-            frames[len(readable), top:bottom] = in_light(pixels, drawn.lights[sample])
+            frames[len(readable), top:bottom] = apply_photometric(pixels, drawn.photometric[sample])
             readable.append(sample)
         return self._micro_batch(torch.from_numpy(frames[: len(readable)]), readable, drawn)
 
-    def _load_for_gpu(self, index: NDArray[np.int64], drawn: "_Drawn") -> MicroBatch:
+    def _load_for_gpu(self, index: NDArray[np.int64], drawn: "_EpochViews") -> MicroBatch:
         """Read samples for the device to augment."""
         first, last = self.cache.rows
         read = list(self._read(index))
         frames = torch.from_numpy(np.array([kept for _, kept in read]).reshape(-1, last - first, COLUMNS, 3))
         micro_batch = self._micro_batch(frames, [sample for sample, _ in read], drawn)
-        draws = Draws.of(drawn.homographies[micro_batch.index], drawn.lights[micro_batch.index], first, self.rows[0])
+        draws = DrawnAugmentations.of(
+            drawn.homographies[micro_batch.index], drawn.photometric[micro_batch.index], first, self.rows[0]
+        )
         pinned = frames.pin_memory() if torch.cuda.is_available() else frames  # copied while the GPU computes
         return replace(micro_batch, frames=pinned, draws=draws)
 
@@ -152,19 +154,19 @@ class BatchLoader:
             except UnreadableImage:
                 self.unreadable.add(self.images[sample])
 
-    def _micro_batch(self, frames: Tensor, readable: list[int], drawn: "_Drawn") -> MicroBatch:
+    def _micro_batch(self, frames: Tensor, readable: list[int], drawn: "_EpochViews") -> MicroBatch:
         index = np.array(readable, np.int64)
         steering, weight = torch.from_numpy(drawn.steering[index]).float(), torch.from_numpy(self.weight[index])
         return MicroBatch(frames, steering, weight, index)
 
 
 @dataclass(frozen=True)
-class _Drawn:
+class _EpochViews:
     """How each sample is seen in an epoch: label, homography (3x3), light (the photometric augmentations' numbers)."""
 
     steering: Floats
     homographies: Matrix
-    lights: Floats
+    photometric: Floats
 
 
 def read_ahead(batches: Iterator[Batch]) -> Iterator[Batch]:

@@ -12,36 +12,36 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from pilot.camera import Floats, Matrix
-from pilot.data.augment import light_columns
+from pilot.arrays import Floats, Matrix
+from pilot.data.augment import photometric_columns
 from pilot.data.view import from_rows
 from pilot.vehicle import COLUMNS, ROWS
 
 
 @dataclass(frozen=True)
-class Draws:
+class DrawnAugmentations:
     """How each picture of a batch is seen.
 
     Attributes:
         homographies: n x 3 x 3, float32: from pixels of the rows shown back to pixels of the rows kept.
-        lights: n x the photometric augmentations' numbers, float32: as random_lights draws them.
+        photometric: n x the photometric augmentations' numbers, float32: as draw_photometric draws them.
     """
 
     homographies: Tensor
-    lights: Tensor
+    photometric: Tensor
 
     @classmethod
-    def of(cls, homographies: Matrix, lights: Floats, first_kept: int, first_shown: int) -> "Draws":
+    def of(cls, homographies: Matrix, photometric: Floats, first_kept: int, first_shown: int) -> "DrawnAugmentations":
         """What was drawn for whole frames, for pictures that begin at a row."""
         backwards = np.linalg.inv(from_rows(homographies, first_kept, first_shown))
-        return cls(torch.from_numpy(backwards).float(), torch.from_numpy(lights).float())
+        return cls(torch.from_numpy(backwards).float(), torch.from_numpy(photometric).float())
 
-    def to(self, device: torch.device) -> "Draws":
+    def to(self, device: torch.device) -> "DrawnAugmentations":
         """The same on a device."""
-        return Draws(self.homographies.to(device), self.lights.to(device))
+        return DrawnAugmentations(self.homographies.to(device), self.photometric.to(device))
 
 
-def augment(kept: Tensor, draws: Draws, rows: tuple[int, int]) -> Tensor:
+def augment(kept: Tensor, draws: DrawnAugmentations, rows: tuple[int, int]) -> Tensor:
     """Show each picture of a batch as drawn.
 
     Args:
@@ -53,7 +53,7 @@ def augment(kept: Tensor, draws: Draws, rows: tuple[int, int]) -> Tensor:
         n x 160 x 320 x 3, uint8 RGB; black but for `rows`.
     """
     pixels = _warp(kept.permute(0, 3, 1, 2).float(), draws.homographies, rows[1] - rows[0])
-    lit = _in_light(pixels, draws.lights)
+    lit = _apply_photometric(pixels, draws.photometric)
     frames = torch.zeros((len(kept), ROWS, COLUMNS, 3), dtype=torch.uint8, device=kept.device)
     frames[:, slice(*rows)] = lit.permute(0, 2, 3, 1).to(torch.uint8)
     return frames
@@ -74,9 +74,9 @@ def _warp(pixels: Tensor, homographies: Tensor, height: int) -> Tensor:
     return warped * (inside | ~turned[:, None, None])[:, None]
 
 
-def _in_light(pixels: Tensor, lights: Tensor) -> Tensor:
-    for augmentation, columns in light_columns() if lights.shape[1] else ():
-        pixels = ON_DEVICE[augmentation.name](pixels, lights[:, columns, None, None])
+def _apply_photometric(pixels: Tensor, photometric: Tensor) -> Tensor:
+    for augmentation, columns in photometric_columns() if photometric.shape[1] else ():
+        pixels = ON_DEVICE[augmentation.name](pixels, photometric[:, columns, None, None])
     return pixels
 
 

@@ -20,7 +20,8 @@ from typing import IO
 import numpy as np
 from platformdirs import user_cache_path
 
-from pilot.data.frames import Frame, UnreadableImage, read_frame
+from pilot.arrays import Frame
+from pilot.data.frames import UnreadableImage, read_frame
 from pilot.files import move_when_done
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import COLUMNS, ROWS

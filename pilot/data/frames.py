@@ -6,9 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pilot.arrays import Frame
 from pilot.vehicle import COLUMNS, ROWS
-
-Frame = NDArray[np.uint8]
 
 JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 

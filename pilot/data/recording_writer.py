@@ -4,7 +4,8 @@ import math
 from datetime import datetime, timedelta
 from pathlib import Path
 
-from pilot.data.frames import Frame, encode_frame
+from pilot.arrays import Frame
+from pilot.data.frames import encode_frame
 from pilot.data.log_format import LOG_NAME, format_line, time_stamp
 from pilot.vehicle import CAMERAS, TICK
 

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from pilot.camera import Floats
+from pilot.arrays import Floats
 from pilot.data.driving_log import part_of_each
 from pilot.data.segments import segment_numbers
 from pilot.vehicle import CAMERAS

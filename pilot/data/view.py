@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pilot.camera import Floats, Matrix
-from pilot.data.frames import Frame
+from pilot.arrays import Floats, Frame, Matrix
 from pilot.vehicle import COLUMNS
 
 # Report 004's crops in the mean: its networks look at these rows (40 % cut off above, 12.5 % below).
@@ -28,7 +27,7 @@ class View:
     steering: float | Floats
     homography: Matrix = field(default_factory=lambda: IDENTITY)
 
-    def moved(self, homography: Matrix, steering: float | Floats) -> "View":
+    def transformed(self, homography: Matrix, steering: float | Floats) -> "View":
         """This view after one more homography, with a new label."""
         return View(steering, homography @ self.homography)
 
@@ -42,7 +41,7 @@ def render(frame: Frame, homography: Matrix, rows: tuple[int, int], first_row: i
     """The rows `rows[0]..rows[1]-1` of a 160x320x3 frame as a view shows it: a copy, same width.
 
     Args:
-        frame: the frame, or its rows from `first_row` on, of which `rows_seen` says how many are enough.
+        frame: the frame, or its rows from `first_row` on, of which `rows_needed` says how many are enough.
         homography: 3x3, the view's.
         rows: of the whole frame.
         first_row: of the whole frame.

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from pilot.data.frames import Frame
+from pilot.arrays import Frame
 from pilot.driving.controller import ControllerConfig, SpeedController, SteeringFilter
 from pilot.driving.telemetry import BadTelemetry, Telemetry, parse_telemetry, steer_message, uses_commas
 

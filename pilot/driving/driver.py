@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pilot.data.frames import Frame
+from pilot.arrays import Frame
 from pilot.model.checkpoint import Model, load_model
 from pilot.model.inference import fast_forward
 from pilot.vehicle import COLUMNS, ROWS

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from pilot.data.frames import Frame, decode_frame
+from pilot.arrays import Frame
+from pilot.data.frames import decode_frame
 from pilot.vehicle import FULL_LOCK_DEGREES, PLAUSIBLE_SPEED_MPH
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pilot.data.frames import Frame
+from pilot.arrays import Frame
 from pilot.driving.autopilot import Answer, Autopilot
 from pilot.driving.driver import Driver, SteeringPolicy
 from pilot.driving.recorder import Recorder

@@ -20,7 +20,7 @@ from pilot.vehicle import TICK
 
 PACKAGE = Path(__file__).parents[2]  # where `pilot` is imported from: in a clone it is not installed
 PATIENCE_SECONDS = 30.0  # by the clock, without an answer
-LAST_WORDS = "episode.log"
+EPISODE_LOG = "episode.log"
 
 
 def run_over_socket(request: DriveRequest) -> Trajectory:
@@ -74,7 +74,7 @@ def _serving(request: DriveRequest, folder: Path) -> Iterator[tuple["subprocess.
     """drive.py, once it is ready, and its port; it ends with the block."""
     port = _free_port()
     with (
-        (folder / LAST_WORDS).open("w") as words,
+        (folder / EPISODE_LOG).open("w") as words,
         subprocess.Popen(
             _command(request, folder, port),
             stdout=subprocess.PIPE,
@@ -130,5 +130,5 @@ def _free_port() -> int:
 
 
 def _last_words(folder: Path) -> str:
-    lines = (folder / LAST_WORDS).read_text().strip().splitlines()
+    lines = (folder / EPISODE_LOG).read_text().strip().splitlines()
     return lines[-1] if lines else "drive.py ended without a word"

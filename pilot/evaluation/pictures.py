@@ -8,9 +8,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from pilot.arrays import Floats
 from pilot.simulator.scores import Scores
 from pilot.simulator.track import Track
-from pilot.simulator.trajectory import Array, Trajectory
+from pilot.simulator.trajectory import Trajectory
 from pilot.vehicle import HALF_TRACK
 
 ASPHALT, EDGE, GROUND = "#d6d6d2", "#77776f", "#eef0e8"
@@ -53,7 +54,7 @@ def _draw_road(axis: Axes, track: Track) -> None:
     axis.margins(0.06)
 
 
-def _closed(points: Array) -> Array:
+def _closed(points: Floats) -> Floats:
     return np.vstack([points, points[:1]])
 
 
@@ -112,7 +113,7 @@ def _draw_cross_track_errors(axis: Axes, track: Track, trajectories: Sequence[Tr
     axis.legend(loc="lower right", fontsize=9)
 
 
-def mark_interventions(axis: Axes, along: Array, trajectory: Trajectory) -> None:
+def mark_interventions(axis: Axes, along: Floats, trajectory: Trajectory) -> None:
     """Where the car was put back, on an axis of offsets over `along` (n)."""
     for each in trajectory.interventions:
         index = int(np.searchsorted(trajectory.times, each.time - 1e-9))
@@ -128,7 +129,7 @@ def mark_interventions(axis: Axes, along: Array, trajectory: Trajectory) -> None
         )
 
 
-def _pieces(trajectory: Trajectory, laps: Array) -> Iterator[slice]:
+def _pieces(trajectory: Trajectory, laps: Floats) -> Iterator[slice]:
     """Stretches of a drive between which a line must not be drawn: laps, and where the car was put back."""
     put_back = np.isin(trajectory.times[:-1], [each.time for each in trajectory.interventions])
     cuts = np.flatnonzero((np.diff(laps) != 0) | put_back) + 1

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
+from pilot.arrays import Floats
 from pilot.data.segments import breaks
 from pilot.simulator.car import path_curvature
 from pilot.vehicle import MPH
-
-Array = NDArray[np.float64]
 
 HARDEST = 12.0  # m/s², more than tyres can do: the car was put somewhere else
 SHORTEST_SEGMENT = 5.0  # s
@@ -49,10 +48,10 @@ class Motion:
         curvatures: 1/m, of the path that it steered.
     """
 
-    seconds: Array
-    steps: Array
-    speeds: Array
-    curvatures: Array
+    seconds: Floats
+    steps: Floats
+    speeds: Floats
+    curvatures: Floats
 
 
 @dataclass(frozen=True)
@@ -65,9 +64,9 @@ class Line:
         curvatures: 1/m, of the line.
     """
 
-    offsets: Array
-    headings: Array
-    curvatures: Array
+    offsets: Floats
+    headings: Floats
+    curvatures: Floats
 
 
 def continuous_segments(rows: pd.DataFrame) -> Iterator[pd.DataFrame]:
@@ -103,7 +102,7 @@ def motion_of(segment: pd.DataFrame) -> Motion:
     return Motion(seconds, speeds * seconds, speeds, np.array(curvatures))
 
 
-def fit_line(motion: Motion, seen: Array, spread: Array) -> Line:
+def fit_line(motion: Motion, seen: Floats, spread: Floats) -> Line:
     """The line that best explains how the car moved and where it was seen.
 
     Args:
@@ -136,10 +135,10 @@ def fit_line(motion: Motion, seen: Array, spread: Array) -> Line:
     return Line(*solution.reshape(3, count))
 
 
-Terms = Sequence[tuple[NDArray[np.int64], Array]]
+Terms = Sequence[tuple[NDArray[np.int64], Floats]]
 
 
-def _equations(terms: Terms, wanted: Array, deviation: Array) -> tuple[sparse.coo_matrix, Array]:
+def _equations(terms: Terms, wanted: Floats, deviation: Floats) -> tuple[sparse.coo_matrix, Floats]:
     """Rows `sum of coefficient * unknown = wanted`, each divided by its standard deviation."""
     count = len(wanted)
     columns = np.concatenate([unknowns for unknowns, _ in terms])

@@ -17,17 +17,9 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from pilot.data.frames import Frame
+from pilot.arrays import Floats, Frame
 from pilot.driving.driver import SteeringPolicy
-from pilot.evaluation.reference_path import (
-    Array,
-    Line,
-    Motion,
-    UnusableRecording,
-    continuous_segments,
-    fit_line,
-    motion_of,
-)
+from pilot.evaluation.reference_path import Line, Motion, UnusableRecording, continuous_segments, fit_line, motion_of
 from pilot.evaluation.replay_road import PATH_SPREAD, find_road
 from pilot.evaluation.replay_view import view
 from pilot.simulator.car import path_curvature
@@ -38,7 +30,7 @@ Reference = Literal["road", "path"]
 
 UNCLEAR = 0.6  # clarity, below which the road's middle has been seen to be wrong
 LIMITS: dict[Reference, float] = {"road": 3.0, "path": 2.0}  # metres; farther off, warped pictures show little
-SPARE = 0.5  # metres that a car may be farther off than the driver was himself
+DRIVER_MARGIN = 0.5  # metres that a car may be farther off than the driver was himself
 
 
 @dataclass(frozen=True)
@@ -82,7 +74,7 @@ class ReplayStep:
     heading_shift: float
 
 
-Watch = Callable[[ReplayStep], None]
+StepObserver = Callable[[ReplayStep], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,19 +92,19 @@ class ReplaySegment:
     rows: pd.DataFrame
     motion: Motion
     line: Line
-    half_widths: Array
+    half_widths: Floats
     lane: float = 0.0
 
     @property
-    def driver(self) -> Array:
+    def driver(self) -> Floats:
         """Metres by which the car that recorded was to the right of where it should be, row by row."""
         return self.line.offsets - self.lane
 
-    def allowed(self, limit: float) -> tuple[Array, Array]:
+    def allowed(self, limit: float) -> tuple[Floats, Floats]:
         """Metres to the right of where it should be, between which a person lets a car drive, row by row."""
         edges = self.half_widths - HALF_TRACK
-        lowest = np.minimum(np.maximum(-limit, -edges - self.lane), self.driver - SPARE)
-        highest = np.maximum(np.minimum(limit, edges - self.lane), self.driver + SPARE)
+        lowest = np.minimum(np.maximum(-limit, -edges - self.lane), self.driver - DRIVER_MARGIN)
+        highest = np.maximum(np.minimum(limit, edges - self.lane), self.driver + DRIVER_MARGIN)
         return lowest, highest
 
 
@@ -163,7 +155,10 @@ def along_path(rows: pd.DataFrame, motion: Motion) -> ReplaySegment:
 
 
 def replay(
-    recording: Replayable, steer: SteeringPolicy, config: ReplayConfig = ReplayConfig(), watch: Watch = lambda _: None
+    recording: Replayable,
+    steer: SteeringPolicy,
+    config: ReplayConfig = ReplayConfig(),
+    watch: StepObserver = lambda _: None,
 ) -> list[Trajectory]:
     """Replay a recording.
 
@@ -185,9 +180,9 @@ def replay(
 
 
 def _replay(
-    segment: ReplaySegment, steer: SteeringPolicy, limit: float, start: float | None, watch: Watch
+    segment: ReplaySegment, steer: SteeringPolicy, limit: float, start: float | None, watch: StepObserver
 ) -> Trajectory:
-    car = _Car(segment)
+    car = _ReplayedCar(segment)
     if start is not None:
         car.put(start)
     offsets, headings, commands, failed = [], [], [], []
@@ -205,7 +200,7 @@ def _replay(
     return _trajectory(segment, np.array(offsets), np.array(headings), np.array(commands), failed)
 
 
-class _Car:
+class _ReplayedCar:
     """The car that the model steers, beside the one that recorded; both drive at the same speed.
 
     Relative to the recorded car it moves by the difference of their steerings alone: whatever else moved
@@ -245,7 +240,7 @@ class _Car:
 
 
 def _trajectory(
-    segment: ReplaySegment, offsets: Array, headings: Array, steering: Array, failed: Sequence[int]
+    segment: ReplaySegment, offsets: Floats, headings: Floats, steering: Floats, failed: Sequence[int]
 ) -> Trajectory:
     """The drive as the simulator's are described; its map begins northwards at the origin."""
     motion, bends = segment.motion, segment.line.curvatures
@@ -267,6 +262,6 @@ def _trajectory(
     return Trajectory(times, positions, motion.speeds / MPH, steering, progress, offsets, headings, interventions)
 
 
-def _before(amounts: Array) -> Array:
+def _before(amounts: Floats) -> Floats:
     """Sum of all before each entry."""
     return np.concatenate([[0.0], np.cumsum(amounts)[:-1]])

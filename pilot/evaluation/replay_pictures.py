@@ -7,10 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from pilot.arrays import Floats
 from pilot.evaluation.pictures import ASPHALT, GROUND, draw_paths, headline, mark_interventions, side_of_road
 from pilot.evaluation.replay import LIMITS, Reference, Replayable, ReplaySegment
 from pilot.simulator.scores import Scores
-from pilot.simulator.trajectory import Array, Trajectory
+from pilot.simulator.trajectory import Trajectory
 
 BREAK = 20.0  # metres on the drawn axis between two stretches
 PLACES: dict[Reference, str] = {"road": "the usual place on the road", "path": "the driver's smoothed path"}
@@ -38,16 +39,16 @@ def draw_replay(title: str, recording: Replayable, trajectories: Sequence[Trajec
 
 def _side_by_side(trajectories: Sequence[Trajectory]) -> list[Trajectory]:
     """The paths, each of which begins at 0, 0: moved so that they do not lie upon each other."""
-    moved, right = [], 0.0
+    shifted, right = [], 0.0
     for trajectory in trajectories:
         shift = np.array([right - trajectory.positions[:, 0].min(), -trajectory.positions[:, 1].min()])
         right = float((trajectory.positions + shift)[:, 0].max()) + 4 * BREAK
-        moved.append(trajectory.moved(*shift))
-    return moved
+        shifted.append(trajectory.shifted(*shift))
+    return shifted
 
 
 def _draw_cross_track_errors(
-    axis: Axes, along: Array, segment: ReplaySegment, trajectory: Trajectory, limit: float
+    axis: Axes, along: Floats, segment: ReplaySegment, trajectory: Trajectory, limit: float
 ) -> None:
     axis.fill_between(along, *segment.allowed(limit), color=ASPHALT, linewidth=0)
     axis.plot(along, segment.driver, color="#555555", linewidth=0.9, linestyle="--")
@@ -55,7 +56,7 @@ def _draw_cross_track_errors(
     mark_interventions(axis, along, trajectory)
 
 
-def _draw_steering(axis: Axes, along: Array, segment: ReplaySegment, trajectory: Trajectory) -> None:
+def _draw_steering(axis: Axes, along: Floats, segment: ReplaySegment, trajectory: Trajectory) -> None:
     axis.plot(along, segment.rows["steering"], color="#999999", linewidth=0.8)
     axis.plot(along, trajectory.steering, color="C0", linewidth=1.0)
 

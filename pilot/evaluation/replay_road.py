@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilot import camera
-from pilot.data.frames import Frame, read_frame
-from pilot.evaluation.reference_path import Array, Line, Motion, fit_line
+from pilot.arrays import Floats, Frame
+from pilot.data.frames import read_frame
+from pilot.evaluation.reference_path import Line, Motion, fit_line
 from pilot.vehicle import BONNET_ROW, CAMERA_AHEAD_OF_REAR_AXLE, COLUMNS
 
 CELL = 0.1  # metres
@@ -47,7 +48,7 @@ class Road:
     """
 
     line: Line
-    half_widths: Array
+    half_widths: Floats
     clarity: float
 
 
@@ -67,7 +68,7 @@ def find_road(pictures: Sequence[str], motion: Motion) -> Road:
     return Road(line, half_widths, _clarity(edges, aside, half_widths))
 
 
-def _robust_fit(motion: Motion, seen: Array) -> Line:
+def _robust_fit(motion: Motion, seen: Floats) -> Line:
     """As `fit_line`, with less and less belief in what lies far off (Cauchy's weights)."""
     spread = np.full(len(seen), SIGHT_SPREAD)
     for _ in range(4):
@@ -76,7 +77,7 @@ def _robust_fit(motion: Motion, seen: Array) -> Line:
     return line
 
 
-def _stripes(frame: Frame, offset: float, heading: float, curvature: float) -> Array:
+def _stripes(frame: Frame, offset: float, heading: float, curvature: float) -> Floats:
     """Mean colours (n x 3) along the line at `ACROSS`; NaN where the camera does not see the road."""
     ahead = AHEAD[:, None]
     axle = ahead + CAMERA_AHEAD_OF_REAR_AXLE
@@ -90,7 +91,7 @@ def _stripes(frame: Frame, offset: float, heading: float, curvature: float) -> A
     return np.where(count >= 2, colours.sum(0, dtype=float) / np.maximum(count, 1), np.nan)
 
 
-def _edges(stripes: Array) -> Array:
+def _edges(stripes: Floats) -> Floats:
     """How the colours change from left to right (n x 3), at most 1 long; 0 where it is not seen."""
     sums = np.vstack([np.zeros(3), np.nancumsum(stripes, axis=0)])
     edges = np.zeros_like(stripes)
@@ -102,7 +103,7 @@ def _edges(stripes: Array) -> Array:
     return np.asarray(edges / np.maximum(np.linalg.norm(edges, axis=1, keepdims=True), 1))
 
 
-def _follow(edges: Array, steps: Array) -> tuple[Array, Array]:
+def _follow(edges: Floats, steps: Floats) -> tuple[Floats, Floats]:
     """Where the road's middle is right of the line, and its half width (n each, metres)."""
     score = np.zeros((len(HALF_WIDTHS), len(PLACES)))
     jumps = np.zeros((len(edges), *score.shape), np.int8)
@@ -122,7 +123,7 @@ def _follow(edges: Array, steps: Array) -> tuple[Array, Array]:
     return np.asarray(PLACES[place_of]), np.asarray(HALF_WIDTHS[width_of])
 
 
-def _best_width(score: Array) -> tuple[Array, NDArray[np.int8]]:
+def _best_width(score: Floats) -> tuple[Floats, NDArray[np.int8]]:
     """For each width and place the best score that it can be reached with in the same row, and from which width."""
     best = score.argmax(0)
     changed = score.max(0) - WIDENING
@@ -130,7 +131,7 @@ def _best_width(score: Array) -> tuple[Array, NDArray[np.int8]]:
     return np.maximum(score, changed), np.where(changed > score, best, kept).astype(np.int8)
 
 
-def _best_jump(score: Array, cost: float) -> tuple[Array, NDArray[np.int8]]:
+def _best_jump(score: Floats, cost: float) -> tuple[Floats, NDArray[np.int8]]:
     """For each place the best score that it can be reached with from the row before, and the jump that does."""
     best, jumps = score.copy(), np.zeros(score.shape, np.int8)
     for jump in JUMPS:
@@ -147,19 +148,19 @@ _RIGHT = _MIDDLE + np.rint((PLACES + HALF_WIDTHS[:, None]) / CELL).astype(int)
 _INSIDE = (_LEFT >= 0) & (len(ACROSS) > _RIGHT)
 
 
-def _evidence(edges: Array) -> Array:
+def _evidence(edges: Floats) -> Floats:
     """How much a row's edges speak for each half width and place of the middle."""
     strength, symmetry = _pairs(edges)
     return np.asarray(strength + symmetry + OVERALL * symmetry.clip(0).sum(0) - NEARNESS * np.abs(PLACES))
 
 
-def _pairs(edges: Array) -> tuple[Array, Array]:
+def _pairs(edges: Floats) -> tuple[Floats, Floats]:
     """For each half width and place of the middle: how strong the two edges are, and how alike (-1..1)."""
     left, right = (edges[index.clip(0, len(ACROSS) - 1)] * _INSIDE[..., None] for index in (_LEFT, _RIGHT))
     return (np.linalg.norm(left, axis=2) + np.linalg.norm(right, axis=2)) / 2, -(left * right).sum(2)
 
 
-def _clarity(edges: Array, aside: Array, half_widths: Array) -> float:
+def _clarity(edges: Floats, aside: Floats, half_widths: Floats) -> float:
     widths = np.rint((half_widths - HALF_WIDTHS[0]) / CELL).astype(int)
     places = np.rint((aside - PLACES[0]) / CELL).astype(int)
     found = [

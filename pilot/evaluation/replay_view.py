@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilot import camera
-from pilot.camera import Matrix
-from pilot.data.frames import Frame, read_frame
+from pilot.arrays import Frame, Matrix
+from pilot.data.frames import read_frame
 from pilot.vehicle import BONNET_ROW, CAMERA_HEIGHT, CAMERA_OFFSETS, COLUMNS, ROWS
 
 

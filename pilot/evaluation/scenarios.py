@@ -26,7 +26,7 @@ from pilot.simulator.catalogue import file_name, load_track
 from pilot.simulator.scores import Scores
 from pilot.simulator.trajectory import Trajectory
 
-Work = Callable[[], Sequence[Trajectory]]  # in any process: to be pickled
+DriveTask = Callable[[], Sequence[Trajectory]]  # in any process: to be pickled
 
 
 class Scenario(Protocol):
@@ -40,7 +40,7 @@ class Scenario(Protocol):
     def file(self) -> str:
         """As its pictures are called."""
 
-    def jobs(self, driver: PolicyFactory, clips: Path | None) -> list[Work]:
+    def drive_tasks(self, driver: PolicyFactory, clips: Path | None) -> list[DriveTask]:
         """What is to be driven, in pieces that can be done side by side.
 
         Args:
@@ -79,7 +79,7 @@ class TrackScenario:
         """As its pictures are called."""
         return file_name(self.title)
 
-    def jobs(self, driver: PolicyFactory, clips: Path | None) -> list[Work]:
+    def drive_tasks(self, driver: PolicyFactory, clips: Path | None) -> list[DriveTask]:
         """A drive for each start place."""
         return [functools.partial(self._drive, driver, start, clips) for start in self.starts]
 
@@ -115,7 +115,7 @@ class RecordingScenario:
         """As its pictures are called."""
         return f"replay-{self.name}"
 
-    def jobs(self, driver: PolicyFactory, clips: Path | None) -> list[Work]:
+    def drive_tasks(self, driver: PolicyFactory, clips: Path | None) -> list[DriveTask]:
         """All its stretches, one after another.
 
         Raises:

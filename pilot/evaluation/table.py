@@ -11,7 +11,7 @@ import pandas as pd
 from pilot.files import write_atomically
 from pilot.simulator.scores import Interval, Scores
 
-COLUMNS = {
+TABLE_COLUMNS = {
     "laps": ("laps", ".2f"),
     "lap_time": ("lap, s", ".1f"),
     "speed": ("mph", ".1f"),
@@ -50,15 +50,15 @@ class Evaluation:
 def table(evaluations: Sequence[Evaluation]) -> str:
     """A table with a row per track: all scores of one model, the main ones of several side by side."""
     if len(evaluations) == 1:
-        return _frame(evaluations[0], tuple(COLUMNS)).to_string()
+        return _frame(evaluations[0], tuple(TABLE_COLUMNS)).to_string()
     frames = {evaluation.model: _frame(evaluation, COMPARED) for evaluation in evaluations}
     return str(pd.concat(frames, axis=1).to_string())
 
 
 def _frame(evaluation: Evaluation, columns: Sequence[str]) -> pd.DataFrame:
-    cells = [[_cell(getattr(scores, name), COLUMNS[name][1]) for name in columns] for scores in evaluation.lines]
+    cells = [[_cell(getattr(scores, name), TABLE_COLUMNS[name][1]) for name in columns] for scores in evaluation.lines]
     titles = [scores.title for scores in evaluation.lines]
-    return pd.DataFrame(cells, index=titles, columns=[COLUMNS[name][0] for name in columns])
+    return pd.DataFrame(cells, index=titles, columns=[TABLE_COLUMNS[name][0] for name in columns])
 
 
 def _cell(value: float | None, form: str) -> str:

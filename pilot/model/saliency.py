@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from pilot.data.frames import Frame
+from pilot.arrays import Frame
 from pilot.model.steering_network import SteeringNetwork
 from pilot.vehicle import COLUMNS, ROWS
 

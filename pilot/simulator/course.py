@@ -6,7 +6,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pilot.simulator.track import STEP, Array, Track
+from pilot.arrays import Floats
+from pilot.simulator.track import STEP, Track
 
 Colour = tuple[int, int, int]  # RGB, 0..255
 Grain = Literal["asphalt", "tarmac"]  # coarse or fine
@@ -104,7 +105,7 @@ class Course:
     seed: int = 0
     water: float | None = None
 
-    def weight(self, kind: Roadside, side: int) -> Array:
+    def weight(self, kind: Roadside, side: int) -> Floats:
         """How much of a kind lies on a side (-1, 1) at each of the track's points, 0..1, with soft ends."""
         weight = self._within(kind, {0, side}).astype(float)
         ramp = np.ones(int(RAMP / STEP)) / int(RAMP / STEP)

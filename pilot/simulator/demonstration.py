@@ -13,8 +13,8 @@ from pilot.simulator.expert import Expert
 from pilot.vehicle import HALF_TRACK, MPH, TICK, TOP_SPEED_MPH
 
 LONGEST_RECOVERY = 2.5  # s
-METRES_OF_A_RECOVERY = 20.0  # about, for the progress bar
-ASKEW = math.radians(6.0)  # typical heading error that is recovered from
+RECOVERY_METRES = 20.0  # about, for the progress bar
+RECOVERY_HEADING = math.radians(6.0)  # typical heading error that is recovered from
 RECOVERED = (0.15, math.radians(1.0))  # metres and radians, when the car is back
 
 
@@ -71,7 +71,7 @@ class DemonstrationStep:
 
 def demonstrate(episode: Episode, config: DemonstrationConfig) -> Iterator[DemonstrationStep]:
     """Drive a demonstration; stops at each moment that is to be recorded, before its command is carried out."""
-    lap_share = config.laps / (config.laps + config.recoveries * METRES_OF_A_RECOVERY / episode.track.length or 1)
+    lap_share = config.laps / (config.laps + config.recoveries * RECOVERY_METRES / episode.track.length or 1)
     expert = Expert(episode, config.speed, config.wander, config.seed)
     for command in _commands(episode, expert, config.rate, lambda: episode.laps >= config.laps):
         yield DemonstrationStep(command, lap_share * episode.laps / config.laps)
@@ -98,7 +98,7 @@ def _displace(episode: Episode, number: int, config: DemonstrationConfig) -> Non
     random = np.random.default_rng([config.seed, number])
     start = episode.track.length * (number + float(random.uniform())) / config.recoveries
     edge = float(episode.track.half_widths.min()) - HALF_TRACK
-    offset, heading = float(random.uniform(-edge, edge)) - episode.track.lane, float(random.normal(0, ASKEW))
+    offset, heading = float(random.uniform(-edge, edge)) - episode.track.lane, float(random.normal(0, RECOVERY_HEADING))
     episode.place(start, offset, heading)
     fastest = Expert(episode, config.speed).allowed_speed() / MPH
     episode.place(start, offset, heading, fastest * float(random.uniform(0.5, 1)))

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from pilot.arrays import Floats
 from pilot.simulator.course import LIGHTS, Colour, Course, Grain, Look, Plant, Roadside, RoadsideSection
-from pilot.simulator.track import Array, Track, closed_road
+from pilot.simulator.track import Track, closed_road
 
 PAINTS: tuple[Colour | None, ...] = ((205, 180, 60), (230, 230, 226), None)
 GROUNDS: tuple[Colour, ...] = ((122, 120, 46), (78, 104, 38), (150, 128, 84), (90, 86, 60))
@@ -36,7 +37,7 @@ def _random_track(name: str, random: np.random.Generator) -> Track:
             continue
 
 
-def _random_corners(random: np.random.Generator) -> Array:
+def _random_corners(random: np.random.Generator) -> Floats:
     """Corners around a circle, so that the road cannot cross itself, and hills that a car can climb."""
     count = int(random.integers(12, 20))
     angles = 2 * np.pi * (np.arange(count) + random.uniform(-0.2, 0.2, count)) / count
@@ -71,7 +72,7 @@ def _random_look(random: np.random.Generator) -> Look:
     )
 
 
-def _colour(values: Array) -> tuple[int, int, int]:
+def _colour(values: Floats) -> tuple[int, int, int]:
     red, green, blue = (int(value) for value in np.clip(values, 0, 255))
     return red, green, blue
 

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from pilot.simulator.trajectory import SAMPLED_SECONDS, Array, Trajectory
+from pilot.arrays import Floats
+from pilot.simulator.trajectory import SAMPLED_SECONDS, Trajectory
 
 Interval = tuple[float, float]
 
@@ -127,7 +128,7 @@ def score(title: str, trajectories: Sequence[Trajectory]) -> Scores:
     )
 
 
-def _mean(values: Sequence[float] | Array) -> float:
+def _mean(values: Sequence[float] | Floats) -> float:
     return float(np.mean(values)) if len(values) else 0.0
 
 

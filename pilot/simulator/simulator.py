@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from pilot.data.frames import Frame
+from pilot.arrays import Frame
 from pilot.simulator.catalogue import load_course, load_track
 from pilot.simulator.course import LIGHTS
 from pilot.simulator.episode import CarState, Episode

@@ -9,13 +9,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial import KDTree
 
+from pilot.arrays import Floats
 from pilot.vehicle import HALF_TRACK
-
-Array = NDArray[np.float64]
 
 REVERSED = " reversed"  # behind the name of a road that is driven the other way
 STEP = 0.5  # metres between the points that a road is kept as
@@ -55,10 +53,10 @@ class Track:
     """
 
     name: str
-    points: Array
-    headings: Array
-    curvatures: Array
-    half_widths: Array
+    points: Floats
+    headings: Floats
+    curvatures: Floats
+    half_widths: Floats
     lane: float = 0.0
 
     @property
@@ -72,11 +70,11 @@ class Track:
         return KDTree(self.points[:, :2])
 
     @functools.cached_property
-    def margins(self) -> Array:
+    def margins(self) -> Floats:
         """Metres that a car in the middle of its lane has between its wheels and the road's edge, at each point."""
         return np.asarray(self.half_widths - abs(self.lane) - HALF_TRACK)
 
-    def beside(self, offsets: Array | float) -> Array:
+    def beside(self, offsets: Floats | float) -> Floats:
         """Points (n x 3, metres) beside the middle line; offsets in metres to the right of it."""
         right = np.column_stack([np.cos(self.headings), -np.sin(self.headings), np.zeros(len(self.headings))])
         return np.asarray(self.points + right * np.broadcast_to(offsets, len(self.points))[:, None])
@@ -140,13 +138,13 @@ class Track:
         x, y = (1 - part) * x + part * next_x, (1 - part) * y + part * next_y
         return x + offset * math.cos(heading), y - offset * math.sin(heading), heading
 
-    def curvature_ahead(self, progress: float, distance: float) -> Array:
+    def curvature_ahead(self, progress: float, distance: float) -> Floats:
         """Curvatures (1/m) of the next metres."""
         indices = (int(progress / STEP) + np.arange(max(int(distance / STEP), 1))) % len(self.points)
         return np.asarray(self.curvatures[indices])
 
 
-def closed_road(name: str, corners: Array, half_width: float | Array, *, lane: float = 0.0) -> Track:
+def closed_road(name: str, corners: Floats, half_width: float | Floats, *, lane: float = 0.0) -> Track:
     """A smooth closed road through points.
 
     Args:

@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pilot.arrays import Floats
 from pilot.simulator.episode import CarState
 
-Array = NDArray[np.float64]
 Reason = Literal["off the road", "no progress"]
 
 SAMPLED_SECONDS = 0.1  # between two looks at the steering: recordings and simulators of any rate compare
-COLUMNS = ("time", "x", "y", "speed", "steering", "progress", "cross_track_error", "heading_error")
+CSV_COLUMNS = ("time", "x", "y", "speed", "steering", "progress", "cross_track_error", "heading_error")
 
 
 @dataclass(frozen=True)
@@ -53,17 +52,17 @@ class Trajectory:
         lap: metres of a lap; None where there are no laps.
     """
 
-    times: Array
-    positions: Array
-    speeds: Array
-    steering: Array
-    progress: Array
-    cross_track_errors: Array
-    heading_errors: Array
+    times: Floats
+    positions: Floats
+    speeds: Floats
+    steering: Floats
+    progress: Floats
+    cross_track_errors: Floats
+    heading_errors: Floats
     interventions: tuple[Intervention, ...] = ()
     lap: float | None = None
 
-    def moved(self, x: float, y: float) -> "Trajectory":
+    def shifted(self, x: float, y: float) -> "Trajectory":
         """The same drive elsewhere on the map, by so many metres."""
         interventions = tuple(dataclasses.replace(each, x=each.x + x, y=each.y + y) for each in self.interventions)
         return dataclasses.replace(self, positions=self.positions + np.array([x, y]), interventions=interventions)
@@ -88,7 +87,7 @@ class Trajectory:
         return [float(self.times[after] - self.times[before]) for before, after in itertools.pairwise(ends)]
 
     @property
-    def steering_rates(self) -> Array:
+    def steering_rates(self) -> Floats:
         """Changes of the steering per second, from one look at it to the next."""
         looks = np.arange(self.times[0], self.times[-1], SAMPLED_SECONDS)
         seen = self.steering[np.searchsorted(self.times, looks + 1e-9, side="right") - 1]
@@ -103,10 +102,10 @@ class TrajectoryRecorder:
 
     def add(self, state: CarState) -> None:
         """The state after one more tick."""
-        self._rows.extend(getattr(state, name) for name in COLUMNS)
+        self._rows.extend(getattr(state, name) for name in CSV_COLUMNS)
 
     def trajectory(self, interventions: Sequence[Intervention], lap: float) -> Trajectory:
         """The drive so far; `lap` is the length of the track in metres."""
-        table = np.array(self._rows).reshape(-1, len(COLUMNS))
+        table = np.array(self._rows).reshape(-1, len(CSV_COLUMNS))
         times, _, _, speeds, steering, progress, errors, headings = table.T
         return Trajectory(times, table[:, 1:3], speeds, steering, progress, errors, headings, tuple(interventions), lap)

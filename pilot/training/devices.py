@@ -11,7 +11,7 @@ CORES = torch.get_num_threads()  # before anything changes it; OMP_NUM_THREADS l
 RANDOM_LAYERS = (nn.Dropout, nn.Dropout1d, nn.Dropout2d, nn.Dropout3d, nn.AlphaDropout, nn.RReLU)
 SMALLEST_MICRO_BATCH = 16  # pictures; with fewer, what each call of a layer costs beside its arithmetic begins to count
 
-Work = TypeVar("Work")
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
@@ -54,7 +54,7 @@ def _has(network: nn.Module, kinds: tuple[type[nn.Module], ...]) -> bool:
     return any(isinstance(layer, kinds) for layer in network.modules())
 
 
-class Cores:
+class CoreThreads:
     """Threads that work on the parts of a batch, each with its share of the cores.
 
     Torch's own way is to divide each operation among all cores. Those wait for each other hundreds of times in a
@@ -67,6 +67,6 @@ class Cores:
         initialise = (self.threads_each,)
         self._threads = ThreadPoolExecutor(micro_batches, initializer=torch.set_num_threads, initargs=initialise)
 
-    def start(self, work: Callable[[Work], Result], micro_batches: Iterable[Work]) -> list[Future[Result]]:
+    def start(self, work: Callable[[Item], Result], micro_batches: Iterable[Item]) -> list[Future[Result]]:
         """Have micro-batches worked on side by side, after those that were started before."""
         return [self._threads.submit(work, each) for each in micro_batches]

@@ -10,9 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
+from pilot.arrays import Frame
 from pilot.camera import path_pixels
 from pilot.data.augment import GEOMETRIC, PHOTOMETRIC, AugmentConfig
-from pilot.data.frames import Frame, read_frame
+from pilot.data.frames import read_frame
 from pilot.data.samples import SampleConfig, side_steering
 from pilot.data.view import View, render
 from pilot.files import write_atomically

@@ -9,7 +9,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from pilot import process_settings
-from pilot.data.augment import rows_seen
+from pilot.data.augment import rows_needed
 from pilot.data.batches import Batch
 from pilot.data.driving_log import DrivingLog, read_driving_logs
 from pilot.data.frame_cache import FrameCache
@@ -82,7 +82,7 @@ def train(config: TrainingConfig, processes: Processes) -> None:
 def make_cache(config: TrainingConfig) -> FrameCache:
     """The cache of the frames' rows that this training looks at."""
     turned = config.samples.rotation_range if config.samples.rotated_copies else 0.0
-    rows = rows_seen(network_class(config.network).rows, config.augment, turned)
+    rows = rows_needed(network_class(config.network).rows, config.augment, turned)
     return FrameCache(rows, limit=int(config.cache_gb * 1e9))
 
 

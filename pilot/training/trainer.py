@@ -23,10 +23,10 @@ from torch import Tensor
 from torch.nn import functional
 from torch.optim.lr_scheduler import LambdaLR
 
+from pilot.arrays import Frame
 from pilot.data.batches import Batch, BatchLoader, MicroBatch
 from pilot.data.device_augment import augment
 from pilot.data.frame_cache import FrameCache
-from pilot.data.frames import Frame
 from pilot.driving.driver import DrivingCheck
 from pilot.files import write_atomically
 from pilot.interrupt import Interrupt, catch_interrupt
@@ -35,7 +35,7 @@ from pilot.model.checkpoint import UnusableModel, load_model, to_jsonable
 from pilot.model.steering_network import SteeringNetwork
 from pilot.progress import ProgressBar
 from pilot.training.config import TrainingConfig
-from pilot.training.devices import Cores, autocast, choose_device, draws_at_random, micro_batches_of
+from pilot.training.devices import CoreThreads, autocast, choose_device, draws_at_random, micro_batches_of
 from pilot.training.distributed import Processes
 from pilot.training.metrics import Agreement, agreement
 
@@ -90,7 +90,7 @@ class Training:
         share = self.config.batch_size // self.processes.world_size
         self.micro_batches = micro_batches_of(self.network, self.device, share)
         self.draws_at_random = draws_at_random(self.network)
-        self.cores = Cores(self.micro_batches)
+        self.cores = CoreThreads(self.micro_batches)
         self.loader = self._loader(training, augment=True)
         self.epoch = self.step = 0
         self.scheduler = self._scheduler()

@@ -11,7 +11,8 @@ import av
 import cv2
 import numpy as np
 
-from pilot.data.frames import Frame, UnreadableImage, read_frame_as_is
+from pilot.arrays import Frame
+from pilot.data.frames import UnreadableImage, read_frame_as_is
 from pilot.data.log_format import LOG_NAME, LogLine, parse_log, time_of
 from pilot.files import move_when_done
 from pilot.progress import ProgressBar, no_bar

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from pilot.arrays import Frame
 from pilot.camera import path_pixels
-from pilot.data.frames import Frame
 from pilot.vehicle import COLUMNS, FULL_LOCK, HALF_TRACK
 
 WHITE, AMBER, DARK = (255, 255, 255), (255, 170, 40), (30, 30, 30)

@@ -110,16 +110,16 @@ def test_views_are_joined_in_order() -> None:
 def test_each_augmentation_happens_with_its_probability() -> None:
     rng = np.random.default_rng(0)
     labels = View(np.full(400, 0.5))
-    unchanged = augment.random_views(labels, NOTHING, rng)
+    unchanged = augment.draw_views(labels, NOTHING, rng)
     assert (unchanged.steering == 0.5).all()
     assert (unchanged.homography == np.eye(3)).all()
-    assert (augment.random_views(labels, replace(NOTHING, flip=1), rng).steering == -0.5).all()
-    mirrored = (augment.random_views(labels, replace(NOTHING, flip=0.5), rng).steering < 0).sum()
+    assert (augment.draw_views(labels, replace(NOTHING, flip=1), rng).steering == -0.5).all()
+    mirrored = (augment.draw_views(labels, replace(NOTHING, flip=0.5), rng).steering < 0).sum()
     assert 150 < mirrored < 250
     frame = picture(0)
-    for light in augment.random_lights(9, NOTHING, rng):
-        np.testing.assert_array_equal(augment.in_light(frame, light), frame)
-    shaded = (augment.random_lights(400, replace(NOTHING, shadow=0.5), rng)[:, 4] < 1).sum()
+    for light in augment.draw_photometric(9, NOTHING, rng):
+        np.testing.assert_array_equal(augment.apply_photometric(frame, light), frame)
+    shaded = (augment.draw_photometric(400, replace(NOTHING, shadow=0.5), rng)[:, 4] < 1).sum()
     assert 150 < shaded < 250
 
 

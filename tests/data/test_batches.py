@@ -5,7 +5,7 @@ import pandas as pd
 import torch
 from conftest import Recording
 
-from pilot.data.augment import AugmentConfig, rows_seen
+from pilot.data.augment import AugmentConfig, rows_needed
 from pilot.data.batches import Batch, BatchLoader, MicroBatch
 from pilot.data.device_augment import augment
 from pilot.data.driving_log import read_driving_logs
@@ -99,7 +99,7 @@ def test_a_picture_that_breaks_meanwhile_falls_out(recording: Recording) -> None
 def test_the_device_augments_as_the_cpu_does(recording: Recording) -> None:
     samples = training_samples(recording)
     config = AugmentConfig(rotation=0.5, crop=0.5)
-    rows = rows_seen(ROWS, config, 0)
+    rows = rows_needed(ROWS, config, 0)
     assert rows[0] > 0
     cache = FrameCache(rows)
     on_cpu = BatchLoader(samples, ROWS, 64, augment=config, cache=cache)
@@ -119,7 +119,7 @@ def test_the_rows_kept_of_a_frame_are_enough(recording: Recording) -> None:
     samples = training_samples(recording)
     config = AugmentConfig(rotation=0.5, crop=0.5, viewpoint=0.9)
     whole_frames = BatchLoader(samples, ROWS, len(samples), augment=config)
-    some_rows = BatchLoader(samples, ROWS, len(samples), augment=config, cache=FrameCache(rows_seen(ROWS, config, 0)))
+    some_rows = BatchLoader(samples, ROWS, len(samples), augment=config, cache=FrameCache(rows_needed(ROWS, config, 0)))
     difference = (seen(whole(next(whole_frames.epoch(0)))).int() - seen(whole(next(some_rows.epoch(0)))).int()).abs()
     assert difference.max() <= 12  # at edges: OpenCV rounds places to 1/32 of a pixel
     assert difference.float().mean() < 0.05

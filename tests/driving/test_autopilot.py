@@ -4,7 +4,8 @@ import pytest
 from conftest import picture
 from wire import telemetry
 
-from pilot.data.frames import Frame, encode_frame
+from pilot.arrays import Frame
+from pilot.data.frames import encode_frame
 from pilot.driving.autopilot import Autopilot, FrameClock
 from pilot.driving.controller import ControllerConfig
 from pilot.driving.dashboard.state import DriveState
@@ -74,10 +75,10 @@ def test_a_frame_clock_gives_every_answer_the_same_time() -> None:
     pilot = Autopilot(lambda _: 0.0, ControllerConfig(speed=20), clock)
     for _ in range(40):
         clock.tick(pilot.answer({**GOOD, "speed": "18"}))
-    slow, by_hand = autopilot(speed=20)
+    slow, drive_by_hand = autopilot(speed=20)
     for _ in range(40):
         slow.answer({**GOOD, "speed": "18"})
-        by_hand.now += 0.1
+        drive_by_hand.now += 0.1
     assert pilot.speed.integral == pytest.approx(slow.speed.integral)
     assert pilot.speed.integral > 0.3
 

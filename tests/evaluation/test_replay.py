@@ -9,13 +9,14 @@ import pandas as pd
 import pytest
 
 from pilot import camera
+from pilot.arrays import Frame
 from pilot.data.driving_log import read_driving_logs
-from pilot.data.frames import Frame, encode_frame, read_frame
+from pilot.data.frames import encode_frame, read_frame
 from pilot.data.recording_writer import RecordingWriter
 from pilot.evaluation.reference_path import Motion, UnusableRecording, continuous_segments, fit_line
 from pilot.evaluation.replay import (
+    DRIVER_MARGIN,
     LIMITS,
-    SPARE,
     UNCLEAR,
     Reference,
     Replayable,
@@ -252,8 +253,8 @@ def test_who_drives_beside_the_road_has_failed_however_wide_the_limit(recorded: 
     [segment] = recorded.replayable.segments
     lowest, highest = segment.allowed(10.0)
     edges = segment.half_widths - HALF_TRACK
-    np.testing.assert_allclose(highest, np.maximum(edges - segment.lane, segment.driver + SPARE))
-    np.testing.assert_allclose(lowest, -np.maximum(edges + segment.lane, SPARE - segment.driver))
+    np.testing.assert_allclose(highest, np.maximum(edges - segment.lane, segment.driver + DRIVER_MARGIN))
+    np.testing.assert_allclose(lowest, -np.maximum(edges + segment.lane, DRIVER_MARGIN - segment.driver))
 
 
 def test_steering_to_the_right_goes_to_the_right(recorded: Recorded) -> None:

@@ -11,7 +11,7 @@ import eventlet
 from eventlet import tpool
 from flask import Flask, Response, request
 
-from pilot.data.frames import Frame
+from pilot.arrays import Frame
 from pilot.driving.dashboard.state import DriveState
 from pilot.model.checkpoint import Model
 from pilot.model.saliency import overlay, saliency

@@ -8,11 +8,11 @@ import math
 import numpy as np
 from panda3d.core import GeomNode, NodePath, TransparencyAttrib
 
+from pilot.arrays import Floats
 from pilot.simulator.course import Colour, Light
 from pilot.simulator.rendering.bonnet import PAINT
 from pilot.simulator.rendering.mesh import Mesh
 from pilot.simulator.rendering.scene import to_geom
-from pilot.simulator.track import Array
 from pilot.vehicle import FULL_LOCK, HALF_TRACK, WHEELBASE
 
 RADIUS, WIDTH, SPOKES = 0.35, 0.24, 5  # of a wheel, metres
@@ -88,7 +88,7 @@ class Body:
         shadow.set_depth_write(False)
         shadow.set_bin("unsorted", 0)  # after the road
 
-    def _attach(self, parent: NodePath, corners: Array, colours: list[Colour]) -> NodePath:
+    def _attach(self, parent: NodePath, corners: Floats, colours: list[Colour]) -> NodePath:
         """Add quads (n x 4 x 3), each of one colour, lit by where they face."""
         across, along = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
         normals = np.cross(across, along)
@@ -100,12 +100,12 @@ class Body:
         return parent.attach_new_node(node)
 
 
-def _hull() -> tuple[Array, list[Colour]]:
+def _hull() -> tuple[Floats, list[Colour]]:
     corners = _loft(HULL, HULL)
     return corners, [PAINT] * len(corners)
 
 
-def _cabin() -> tuple[Array, list[Colour]]:
+def _cabin() -> tuple[Floats, list[Colour]]:
     wide = [(y, 0.86, low, high) for y, _, low, high in CABIN]
     pieces = len(CABIN) - 1
     top: list[Colour] = [GLASS, PAINT, PAINT, GLASS]  # rear window, roof, windscreen
@@ -113,7 +113,7 @@ def _cabin() -> tuple[Array, list[Colour]]:
     return corners, [*top, *[GLASS] * (2 * pieces)]
 
 
-def _loft(upper: list[Section], lower: list[Section]) -> Array:
+def _loft(upper: list[Section], lower: list[Section]) -> Floats:
     """The top faces between cross-sections, then the left, the right ones, tail and nose; widths by upper and lower."""
     above = [[(-width, y, high), (width, y, high)] for y, width, _, high in upper]
     below = [[(-width, y, low), (width, y, low)] for y, width, low, _ in lower]
@@ -126,12 +126,12 @@ def _loft(upper: list[Section], lower: list[Section]) -> Array:
     return np.array([*top, *left, *right, tail, nose], float)
 
 
-def _card(low: tuple[float, float, float], high: tuple[float, float, float]) -> Array:
+def _card(low: tuple[float, float, float], high: tuple[float, float, float]) -> Floats:
     """An upright quad that faces backwards."""
     return np.array([[low, (high[0], low[1], low[2]), high, (low[0], low[1], high[2])]], float)
 
 
-def _wheel() -> tuple[Array, list[Colour]]:
+def _wheel() -> tuple[Floats, list[Colour]]:
     """Tread and both faces, whose spokes show how it turns."""
     angles = np.linspace(0, 2 * np.pi, SIDES + 1)
     ring = np.column_stack([np.zeros(SIDES + 1), np.cos(angles), np.sin(angles)])
@@ -146,7 +146,7 @@ def _wheel() -> tuple[Array, list[Colour]]:
     return np.concatenate([tread, *faces]), [*[TYRE] * (3 * SIDES), *spokes, *spokes]
 
 
-def _faces(ring: Array, right: Array, outer: float, inner: float) -> tuple[Array, Array]:
+def _faces(ring: Floats, right: Floats, outer: float, inner: float) -> tuple[Floats, Floats]:
     """The right and the left face's band between two radii (metres)."""
     band = np.stack([inner * ring[:-1], outer * ring[:-1], outer * ring[1:], inner * ring[1:]], axis=1)
     return band + right, band[:, ::-1] - right

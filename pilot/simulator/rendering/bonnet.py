@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pilot.data.frames import Frame
+from pilot.arrays import Frame
 from pilot.simulator.course import Light
 from pilot.vehicle import BONNET_ROW, COLUMNS
 

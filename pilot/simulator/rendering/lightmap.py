@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from pilot.arrays import Floats
 from pilot.simulator.course import Light
-from pilot.simulator.rendering.land import Plants
+from pilot.simulator.rendering.ground import Plants
 from pilot.simulator.rendering.terrain import CELL, Terrain
-from pilot.simulator.track import Array
 
 SIZE = 2048  # pixels along each side
 COARSE = 512  # pixels along each side where hills cast their shadows
@@ -27,14 +27,14 @@ class LightMap:
     """
 
     picture: "np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]"
-    corner: Array
-    size: Array
+    corner: Floats
+    size: Floats
 
-    def texels(self, points: Array) -> Array:
+    def texels(self, points: Floats) -> Floats:
         """Texture coordinates (0..1) of points (... x 3, metres)."""
         return np.asarray((points[..., :2] - self.corner) / self.size)
 
-    def light_at(self, points: Array) -> Array:
+    def light_at(self, points: Floats) -> Floats:
         """Light at points (n x 3, metres): n x 3, 0..1."""
         pixels = (self.texels(points) * SIZE).astype(int).clip(0, SIZE - 1)
         return np.asarray(self.picture[pixels[:, 1], pixels[:, 0]] / 255.0)
@@ -60,7 +60,7 @@ def _sun(light: Light) -> tuple[float, float, float]:
     return (math.sin(azimuth) * math.cos(elevation), math.cos(azimuth) * math.cos(elevation), math.sin(elevation))
 
 
-def _slopes(terrain: Terrain, light: Light) -> Array:
+def _slopes(terrain: Terrain, light: Light) -> Floats:
     """How much of the sun each part of the ground gets by its slope, 1 where it is level; 512 x 512."""
     east, north, up = _sun(light)
     heights = cv2.resize(cv2.GaussianBlur(terrain.heights, (0, 0), 0.7), (COARSE, COARSE))
@@ -70,7 +70,7 @@ def _slopes(terrain: Terrain, light: Light) -> Array:
     return np.asarray((facing / up).clip(0, 1.25))
 
 
-def _hill_shadows(terrain: Terrain, light: Light) -> Array:
+def _hill_shadows(terrain: Terrain, light: Light) -> Floats:
     """1 in the sun, less in the shadow of a hill; 512 x 512."""
     east, north, up = _sun(light)
     heights = cv2.resize(terrain.heights, (COARSE, COARSE)).astype(np.float32)
@@ -80,13 +80,13 @@ def _hill_shadows(terrain: Terrain, light: Light) -> Array:
     longest = float(heights.max() - heights.min()) / per_metre
     for distance in np.arange(1.5, min(REACH, longest), 1.5):
         shift = direction * distance * COARSE / terrain.size
-        moved = cv2.warpAffine(
+        shifted = cv2.warpAffine(
             heights,
             np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]], np.float32),
             (COARSE, COARSE),
             borderMode=cv2.BORDER_REPLICATE,
         )
-        hidden = np.maximum(hidden, moved - heights - distance * per_metre)
+        hidden = np.maximum(hidden, shifted - heights - distance * per_metre)
     return np.asarray(1 - light.shadows * (hidden / 0.6).clip(0, 1))
 
 

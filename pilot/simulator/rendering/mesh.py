@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pilot.simulator.track import Array
+from pilot.arrays import Floats
 
 CHUNK = 64.0  # metres, what is drawn or left out as a whole
 
@@ -23,17 +23,17 @@ class Mesh:
     """
 
     texture: str
-    corners: Array
-    colours: Array
-    texels: Array
+    corners: Floats
+    colours: Floats
+    texels: Floats
 
     def chunks(self) -> list["Mesh"]:
         """The mesh in pieces of at most 64 m x 64 m, so that what is out of sight need not be drawn."""
         squares = np.floor(self.corners[:, :, :2].mean(1) / CHUNK).astype(int)
         names, piece = np.unique(squares, axis=0, return_inverse=True)
-        return [self.take(np.flatnonzero(piece.ravel() == number)) for number in range(len(names))]
+        return [self.subset(np.flatnonzero(piece.ravel() == number)) for number in range(len(names))]
 
-    def take(self, quads: NDArray[np.intp]) -> "Mesh":
+    def subset(self, quads: NDArray[np.intp]) -> "Mesh":
         """Some of the quads."""
         return Mesh(self.texture, self.corners[quads], self.colours[quads], self.texels[quads])
 

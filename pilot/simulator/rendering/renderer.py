@@ -19,8 +19,8 @@ from panda3d.core import (
     load_prc_file_data,
 )
 
-from pilot.camera import Matrix, camera_rotation
-from pilot.data.frames import Frame
+from pilot.arrays import Frame, Matrix
+from pilot.camera import camera_rotation
 from pilot.simulator.episode import Episode
 from pilot.simulator.rendering.bonnet import add_bonnet
 from pilot.simulator.rendering.scene import Scene

@@ -5,10 +5,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pilot.arrays import Floats
 from pilot.simulator.course import DIRT, Colour, Course, Roadside
 from pilot.simulator.rendering.mesh import Mesh
 from pilot.simulator.rendering.textures import MEAN
-from pilot.simulator.track import STEP, Array
+from pilot.simulator.track import STEP
 
 Rows = NDArray[np.bool_]
 Value = TypeVar("Value", bound=np.generic)
@@ -60,10 +61,10 @@ class _Strips:
     def lay(
         self,
         texture: str,
-        left: Array,
-        right: Array,
+        left: Floats,
+        right: Floats,
         *,
-        colour: Array | Colour,
+        colour: Floats | Colour,
         where: Rows,
         lift: tuple[float, float] = (0.0, 0.0),
     ) -> None:
@@ -84,7 +85,7 @@ class _Strips:
         inner: float,
         outer: float,
         *,
-        colour: Array | Colour,
+        colour: Floats | Colour,
         where: Rows,
         lift: tuple[float, float] = (0.0, 0.0),
     ) -> None:
@@ -95,7 +96,7 @@ class _Strips:
         else:
             self.lay(texture, far, near, colour=colour, where=where, lift=lift[::-1])
 
-    def _border(self, offset: Array, lift: float) -> Array:
+    def _border(self, offset: Floats, lift: float) -> Floats:
         border = self.track.beside(offset) + np.array([0, 0, lift])
         return np.asarray(border[self._points % len(border)])
 

@@ -23,7 +23,7 @@ from panda3d.core import (
 
 from pilot.simulator.course import LIGHTS, Course, Light, Plant
 from pilot.simulator.episode import Episode
-from pilot.simulator.rendering.land import grow_plants, land_meshes, plant_mesh
+from pilot.simulator.rendering.ground import ground_meshes, grow_plants, plant_mesh
 from pilot.simulator.rendering.lightmap import LightMap, bake_light
 from pilot.simulator.rendering.mesh import Mesh, join
 from pilot.simulator.rendering.road import road_meshes
@@ -58,7 +58,7 @@ class Scene:
         # drawn in the order they were made: else memory addresses decide which of two equally near pixels wins
         self.root.set_bin("unsorted", 0)
         solid = _lit(self.root.attach_new_node("solid"), shine)
-        for mesh in join([*land_meshes(course, self.terrain), *road_meshes(course)]):
+        for mesh in join([*ground_meshes(course, self.terrain), *road_meshes(course)]):
             _attach(solid, mesh, shine)
         trees = self.root.attach_new_node("plants")
         trees.set_transparency(TransparencyAttrib.M_binary)

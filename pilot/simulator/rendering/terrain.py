@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pilot.arrays import Floats
 from pilot.simulator.course import DIRT, Course, Roadside
 from pilot.simulator.rendering.noise import smooth_noise
-from pilot.simulator.track import Array
 
 CELL = 4.0  # metres between two points of the grid
 MARGIN = 110.0  # metres of land around the outermost road
@@ -38,28 +38,28 @@ class Terrain:
 
     west: float
     south: float
-    heights: Array
-    colours: Array
-    beyond: Array
+    heights: Floats
+    colours: Floats
+    beyond: Floats
 
     @property
-    def grid(self) -> Array:
+    def grid(self) -> Floats:
         """Where its points lie: rows x columns x 2, metres."""
         rows, columns = self.heights.shape
         return np.dstack(np.meshgrid(self.west + CELL * np.arange(columns), self.south + CELL * np.arange(rows)))
 
     @property
-    def corner(self) -> Array:
+    def corner(self) -> Floats:
         """Its southwestern corner, metres."""
         return np.array([self.west, self.south])
 
     @property
-    def size(self) -> Array:
+    def size(self) -> Floats:
         """Its extent to the east and to the north, metres."""
         rows, columns = self.heights.shape
         return CELL * np.array([columns - 1, rows - 1])
 
-    def sample(self, field: Array, points: Array) -> Array:
+    def sample(self, field: Floats, points: Floats) -> Floats:
         """A field's values at points (n x 2, metres), between the grid's points by bilinear interpolation."""
         columns = ((points[:, 0] - self.west) / CELL).astype(np.float32)
         rows = ((points[:, 1] - self.south) / CELL).astype(np.float32)
@@ -88,7 +88,7 @@ class Nearest:
         road: metres, height of the road there.
     """
 
-    def __init__(self, course: Course, points: Array) -> None:
+    def __init__(self, course: Course, points: Floats) -> None:
         """Search for points (... x 2, metres)."""
         self._course, track = course, course.track
         self.distance, self._index = track.tree.query(points)
@@ -98,13 +98,13 @@ class Nearest:
         self.beyond = self.distance - track.half_widths[self._index]
         self.road = track.points[self._index, 2]
 
-    def weight(self, kind: Roadside) -> Array:
+    def weight(self, kind: Roadside) -> Floats:
         """How much of a kind of roadside there is at each point, 0..1."""
         left, right = self._course.weight(kind, -1), self._course.weight(kind, 1)
         return np.asarray(np.where(self._right, right[self._index], left[self._index]))
 
 
-def _heights(course: Course, near: Nearest, random: np.random.Generator) -> Array:
+def _heights(course: Course, near: Nearest, random: np.random.Generator) -> Floats:
     rows, columns = near.beyond.shape
     rolling = smooth_noise(random, rows, columns, 5) + 0.5
     heights = near.road + course.look.relief * rolling * _smoothstep(near.beyond, 8, 60)
@@ -117,7 +117,7 @@ def _heights(course: Course, near: Nearest, random: np.random.Generator) -> Arra
     return np.asarray(np.where(near.beyond < LEVEL_BESIDE, np.minimum(heights, near.road) - BELOW_ROAD, heights))
 
 
-def _colours(course: Course, near: Nearest, heights: Array, random: np.random.Generator) -> Array:
+def _colours(course: Course, near: Nearest, heights: Floats, random: np.random.Generator) -> Floats:
     rows, columns = heights.shape
     look = course.look
     grass, dry, rock = (np.array(colour, float) for colour in (look.grass, look.dry, look.rock))
@@ -134,6 +134,6 @@ def _colours(course: Course, near: Nearest, heights: Array, random: np.random.Ge
     return np.asarray((colours * (1 + 0.12 * smooth_noise(random, rows, columns, 50, 2))[..., None]).clip(0, 255))
 
 
-def _smoothstep(value: Array, start: float, end: float) -> Array:
+def _smoothstep(value: Floats, start: float, end: float) -> Floats:
     part = ((value - start) / (end - start)).clip(0, 1)
     return np.asarray(part * part * (3 - 2 * part))

@@ -83,7 +83,7 @@ def _limit(value: float) -> float:
     return min(max(value, -1.0), 1.0)
 
 
-class HandDriving:
+class ManualDriving:
     """Drives a car by hand in real time, a tick of 20 ms at a time whatever the frame rate.
 
     Attributes:

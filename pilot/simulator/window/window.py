@@ -23,7 +23,7 @@ from panda3d.core import (
     WindowProperties,
 )
 
-from pilot.data.frames import Frame
+from pilot.arrays import Frame
 from pilot.data.recording_writer import RECORDING_RATE, RecordingWriter, is_due
 from pilot.interrupt import catch_interrupt
 from pilot.simulator.episode import CarState, Episode
@@ -31,7 +31,7 @@ from pilot.simulator.rendering.body import Body
 from pilot.simulator.rendering.renderer import FAR, NEAR
 from pilot.simulator.rendering.scene import Scene
 from pilot.simulator.simulator import Simulator
-from pilot.simulator.window.controls import Controls, HandDriving
+from pilot.simulator.window.controls import Controls, ManualDriving
 from pilot.simulator.window.hud import Hud
 from pilot.simulator.window.inputs import Inputs
 from pilot.vehicle import CAMERA_AHEAD_OF_REAR_AXLE, CAMERA_HEIGHT, CAMERAS, FOCAL_LENGTH, MPH, PITCH, ROWS, TICK
@@ -199,7 +199,9 @@ class Window:
     def run(self, control: Control) -> None:
         """Show the drive until its end, Escape or the window's closing; Ctrl-C raises KeyboardInterrupt."""
         self._hud.keys = (
-            (DRIVING_KEYS if isinstance(control, HandDriving) else "") + (RECORDING_KEYS if self.capture else "") + KEYS
+            (DRIVING_KEYS if isinstance(control, ManualDriving) else "")
+            + (RECORDING_KEYS if self.capture else "")
+            + KEYS
         )
         then = time.monotonic()
         with catch_interrupt() as interrupt:
@@ -335,7 +337,7 @@ def _open(engine: GraphicsEngine, title: str, size: tuple[int, int]) -> Graphics
     raise RuntimeError(NO_DISPLAY)
 
 
-def drive_by_hand(track: str, light: str | None, out: Path) -> None:
+def drive_manually(track: str, light: str | None, out: Path) -> None:
     """Open a window and let the user drive; R records.
 
     Args:
@@ -353,4 +355,4 @@ def drive_by_hand(track: str, light: str | None, out: Path) -> None:
             Capture(out, simulator.look) as capture,
             Window(simulator.episode, simulator.renderer.scene, capture, title=track) as window,
         ):
-            window.run(HandDriving(simulator.episode, window.controls, capture.add))
+            window.run(ManualDriving(simulator.episode, window.controls, capture.add))

@@ -13,7 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from pilot.data.frames import Frame, encode_frame
+from pilot.arrays import Frame
+from pilot.data.frames import encode_frame
 from pilot.interrupt import catch_interrupt
 from pilot.simulator.clock import TickClock
 from pilot.simulator.episode import CarState, Episode

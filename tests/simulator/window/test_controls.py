@@ -5,7 +5,7 @@ from conftest import circle
 
 from pilot.simulator.clock import LONGEST_FRAME
 from pilot.simulator.episode import Episode
-from pilot.simulator.window.controls import MOUSE_SPAN, Controls, HandDriving, Pad
+from pilot.simulator.window.controls import MOUSE_SPAN, Controls, ManualDriving, Pad
 from pilot.vehicle import TICK
 
 
@@ -79,7 +79,7 @@ def test_the_drive_is_the_same_at_any_frame_rate(frames: int) -> None:
     episode, states = Episode(circle()), []
     controls = Controls()
     controls.press("w")
-    driving = HandDriving(episode, controls, states.append)
+    driving = ManualDriving(episode, controls, states.append)
     for _ in range(2 * frames):
         driving.advance(1 / frames)
     assert episode.ticks == len(states) == 100
@@ -91,5 +91,5 @@ def test_the_drive_is_the_same_at_any_frame_rate(frames: int) -> None:
 
 def test_a_long_frame_does_not_send_the_car_off_unseen() -> None:
     episode = Episode(circle())
-    HandDriving(episode, Controls()).advance(20.0)
+    ManualDriving(episode, Controls()).advance(20.0)
     assert episode.ticks == int(LONGEST_FRAME / TICK)

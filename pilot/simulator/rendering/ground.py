@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pilot.arrays import Floats
 from pilot.simulator.course import Course
 from pilot.simulator.rendering.mesh import Mesh
 from pilot.simulator.rendering.terrain import CELL, Nearest, Terrain
 from pilot.simulator.rendering.textures import MEAN
-from pilot.simulator.track import Array
 
 TILE = 9.0  # metres that the ground's texture covers
 CLEAR = 2.0  # metres beside the road that are kept free
@@ -29,14 +29,14 @@ class Plants:
         shades: n, brightness of each.
     """
 
-    points: Array
-    widths: Array
-    heights: Array
-    angles: Array
-    shades: Array
+    points: Floats
+    widths: Floats
+    heights: Floats
+    angles: Floats
+    shades: Floats
 
 
-def land_meshes(course: Course, terrain: Terrain) -> list[Mesh]:
+def ground_meshes(course: Course, terrain: Terrain) -> list[Mesh]:
     """The ground, and the water if there is some."""
     points = np.dstack([terrain.grid, terrain.heights])
     # what lies wholly under the road is never seen
@@ -47,7 +47,7 @@ def land_meshes(course: Course, terrain: Terrain) -> list[Mesh]:
     return [ground] if course.water is None else [ground, _water(course.water, terrain)]
 
 
-def _quads(grid: Array) -> Array:
+def _quads(grid: Floats) -> Floats:
     """The four corners of each of a grid's cells (rows x columns x k): n x 4 x k."""
     cells = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2)
     return np.asarray(cells.reshape(-1, 4, grid.shape[2]))
@@ -85,7 +85,7 @@ def grow_plants(course: Course, terrain: Terrain) -> Plants:
     )
 
 
-def plant_mesh(course: Course, plants: Plants, shine: Array) -> Mesh:
+def plant_mesh(course: Course, plants: Plants, shine: Floats) -> Mesh:
     """Two crossed pictures a plant.
 
     Args:
