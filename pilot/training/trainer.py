@@ -20,7 +20,6 @@ import pandas as pd
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn import functional
 from torch.optim.lr_scheduler import LambdaLR
 
 from pilot.arrays import Frame
@@ -38,6 +37,7 @@ from pilot.training.config import TrainingConfig
 from pilot.training.devices import CoreThreads, autocast, choose_device, draws_at_random, micro_batches_of
 from pilot.training.distributed import Processes
 from pilot.training.metrics import Agreement, agreement
+from pilot.training.optimisation import learning_rate, losses, make_optimiser, make_scheduler
 
 SAVE_SECONDS = 120  # a power cut costs at most this much work
 
@@ -77,13 +77,7 @@ class Training:
         self.device = choose_device(config.device, self.processes.local_rank)
         self.network = first_network(config).to(self.device)
         self.parameters = list(self.network.parameters())
-        self.optimiser = torch.optim.Adam(
-            # Adam adds weight_decay * w to the gradient; that of l2 * sum of w**2 is 2 * l2 * w
-            self.parameters,
-            lr=config.learning_rate,
-            weight_decay=2 * config.l2,
-            fused=self.device.type in ("cpu", "cuda"),
-        )
+        self.optimiser = make_optimiser(self.parameters, config, self.device)
         self.training, self.validation = training, validation
         self.training_mean = float(np.average(training["steering"], weights=training["weight"]))
         self.cache = cache or FrameCache()
@@ -170,18 +164,6 @@ class Training:
         self.error_sum += torch.stack([errors for _, errors in micro_batches]).sum()
         self.step += 1
 
-    def _scheduler(self) -> LambdaLR:
-        """Sets the learning rate of each step: that of its epoch, but rising over the first steps of all."""
-        an_epoch = math.ceil(len(self.training) / self.config.batch_size)
-
-        def factor(step: int) -> float:
-            return schedule(self.config, step // an_epoch) * min((step + 1) / max(self.config.warm_up, 1), 1.0)
-
-        done = self.epoch * an_epoch + self.step
-        for group in self.optimiser.param_groups:
-            group["initial_lr"] = self.config.learning_rate
-        return LambdaLR(self.optimiser, factor, last_epoch=done - 1)
-
     def gradients(self, reading: Future[MicroBatch], size: int) -> tuple[Sequence[Tensor], Tensor]:
         """What a part adds to the gradients of the mean loss of `size` samples; its sum of squared errors."""
         micro_batch = reading.result()
@@ -190,7 +172,7 @@ class Training:
         steering, weight = micro_batch.steering.to(self.device), micro_batch.weight.to(self.device)
         with self._repeatable_draws(), autocast(self.device):
             predicted = self.network(self._frames(micro_batch)).float()
-        loss = (weight * self._losses(predicted, steering)).sum() / size
+        loss = (weight * losses(predicted, steering, self.config)).sum() / size
         return torch.autograd.grad(loss, self.parameters), (predicted.detach() - steering).square().sum()
 
     @contextlib.contextmanager
@@ -208,11 +190,6 @@ class Training:
         """The frames of a part on the device, augmented."""
         frames = micro_batch.frames.to(self.device, non_blocking=True)
         return augment(frames, micro_batch.draws.to(self.device), self.network.rows) if micro_batch.draws else frames
-
-    def _losses(self, predicted: Tensor, steering: Tensor) -> Tensor:
-        if self.config.loss == "huber":
-            return functional.huber_loss(predicted, steering, reduction="none", delta=self.config.huber_delta)
-        return functional.mse_loss(predicted, steering, reduction="none")
 
     def _end_epoch(self, images_per_second: float) -> None:
         self.processes.average_statistics(self.network)
@@ -343,6 +320,10 @@ class Training:
             write_atomically(state_file, lambda file: torch.save(state, file))
         self._saved = time.monotonic()
 
+    def _scheduler(self) -> LambdaLR:
+        steps = math.ceil(len(self.training) / self.config.batch_size)
+        return make_scheduler(self.optimiser, self.config, steps, self.epoch * steps + self.step)
+
     def _loader(self, samples: pd.DataFrame, *, augment: bool) -> BatchLoader:
         return BatchLoader(
             samples,
@@ -377,13 +358,3 @@ def fingerprint(samples: pd.DataFrame) -> str:
     names = samples["image"].str.replace(r".*[/\\]", "", regex=True)
     labels = samples[["steering", "rotation", "flip"]].astype(float)
     return hashlib.sha256(labels.to_numpy().tobytes() + "".join(names).encode()).hexdigest()[:16]
-
-
-def learning_rate(config: TrainingConfig, epoch: int) -> float:
-    """The learning rate of an epoch (from 0), after the warm-up."""
-    return config.learning_rate * schedule(config, epoch)
-
-
-def schedule(config: TrainingConfig, epoch: int) -> float:
-    """The share (0..1) of the learning rate that an epoch (from 0) has."""
-    return (1 + math.cos(math.pi * epoch / config.epochs)) / 2 if config.schedule == "cosine" else 1.0

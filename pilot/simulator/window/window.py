@@ -6,7 +6,7 @@ import logging
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Protocol, Self
 
@@ -23,14 +23,13 @@ from panda3d.core import (
     WindowProperties,
 )
 
-from pilot.arrays import Frame
-from pilot.data.recording_writer import RECORDING_RATE, RecordingWriter, is_due
 from pilot.interrupt import catch_interrupt
-from pilot.simulator.episode import CarState, Episode
+from pilot.simulator.episode import Episode
 from pilot.simulator.rendering.body import Body
 from pilot.simulator.rendering.renderer import FAR, NEAR
 from pilot.simulator.rendering.scene import Scene
 from pilot.simulator.simulator import Simulator
+from pilot.simulator.window.capture import Capture
 from pilot.simulator.window.controls import Controls, ManualDriving
 from pilot.simulator.window.hud import Hud
 from pilot.simulator.window.inputs import Inputs
@@ -61,82 +60,6 @@ class Control(Protocol):
     @property
     def done(self) -> bool:
         """Whether the drive is over."""
-
-
-class Capture:
-    """Records a drive while it goes on, from `start` to `stop`.
-
-    Attributes:
-        folder: it goes to.
-        message: what became of the last recording.
-    """
-
-    def __init__(self, folder: Path, look: Callable[[], dict[str, Frame]]) -> None:
-        """Prepare; nothing is written yet.
-
-        Args:
-            folder: where recordings go.
-            look: what left, center and right camera see now: 160x320x3 uint8 RGB each.
-        """
-        self.folder, self.message = folder, ""
-        self._look = look
-        self._writer: RecordingWriter | None = None
-        self._open = contextlib.ExitStack()
-        self._began: float | None = None
-
-    @property
-    def rows(self) -> int | None:
-        """Of the recording that is being made; None while there is none."""
-        return self._writer.rows if self._writer else None
-
-    def toggle(self) -> None:
-        """Start, or stop."""
-        if self._writer:
-            self.stop()
-        else:
-            self.start()
-
-    def start(self) -> None:
-        """Begin with the next tick."""
-        self.message, self._began = "", None
-        try:
-            self._writer = self._open.enter_context(RecordingWriter(self.folder))
-        except OSError as error:
-            self._say(f"cannot record: {error}")
-
-    def stop(self) -> None:
-        """End the recording, if there is one."""
-        if self._writer:
-            rows, self._writer = self._writer.rows, None
-            try:
-                self._open.close()
-                self._say(f"{rows} moments recorded into {self.folder}")
-            except OSError as error:  # what was held back for writing has no room
-                self._say(f"the recording's end is lost: {error}")
-
-    def add(self, state: CarState) -> None:
-        """Once per tick: write a row if one is due."""
-        if not self._writer:
-            return
-        self._began = state.time if self._began is None else self._began
-        seconds = state.time - self._began
-        if not is_due(round(seconds / TICK), RECORDING_RATE):
-            return
-        try:
-            self._writer.write(self._look(), seconds, (state.steering, state.throttle), state.speed)
-        except OSError as error:  # a full disk ends the recording, not the drive
-            self.stop()
-            self._say(f"the recording has ended: {error}")
-
-    def _say(self, message: str) -> None:
-        self.message = message
-        log.info("%s", message)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_error: Any) -> None:
-        self.stop()
 
 
 class Window:

@@ -20,8 +20,8 @@ from conftest import REPOSITORY, circle
 
 from pilot.simulator.episode import Episode
 from pilot.simulator.simulator import Simulator
+from pilot.simulator.window.capture import Capture
 from pilot.simulator.window.hud import LapClock
-from pilot.simulator.window.window import Capture
 from pilot.vehicle import CAMERAS
 
 WIDTH, HEIGHT = 960, 540
