@@ -75,10 +75,10 @@ def test_a_frame_clock_gives_every_answer_the_same_time() -> None:
     pilot = Autopilot(lambda _: 0.0, ControllerConfig(speed=20), clock)
     for _ in range(40):
         clock.tick(pilot.answer({**GOOD, "speed": "18"}))
-    slow, drive_by_hand = autopilot(speed=20)
+    slow, by_hand = autopilot(speed=20)
     for _ in range(40):
         slow.answer({**GOOD, "speed": "18"})
-        drive_by_hand.now += 0.1
+        by_hand.now += 0.1
     assert pilot.speed.integral == pytest.approx(slow.speed.integral)
     assert pilot.speed.integral > 0.3
 
