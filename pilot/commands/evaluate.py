@@ -35,7 +35,7 @@ class EvaluationConfig:
     tracks: tuple[str, ...] = ()
     """lake, jungle, mountain, random:SEED, or a range such as random:0-49; "lake reversed" is the other way round.
     Without it, and without --recordings: these three both ways round, and random:0-4."""
-    photometric: tuple[Literal["noon", "evening", "overcast"], ...] = ()
+    lights: tuple[Literal["noon", "evening", "overcast"], ...] = ()
     """Each track in each of these; without it, in its own."""
     seeds: tuple[int, ...] = ()
     """Start places, one drive for each; without it, the start line."""
@@ -46,7 +46,7 @@ class EvaluationConfig:
     """Replay only this last share of each recording; to learn from the rest: model.py --samples.first-part."""
     socket: bool = False
     """Through the real drive.py and its socket, instead of what is in it; latency is then the wire's."""
-    drive_tasks: int | None = None
+    jobs: int | None = None
     """Drives at the same time; without it, one for each core."""
     out: Path = Path("evaluation")
     """Folder for scores.json and the pictures."""
@@ -71,8 +71,8 @@ class EvaluationConfig:
         self.conditions.check()
         if not self.models:
             raise ValueError("which model? Such as: python evaluate.py model.pt")
-        if self.drive_tasks is not None and self.drive_tasks < 1:
-            raise ValueError(f"--jobs {self.drive_tasks}: must be at least 1")
+        if self.jobs is not None and self.jobs < 1:
+            raise ValueError(f"--jobs {self.jobs}: must be at least 1")
         if min(self.seeds, default=0) < 0:
             raise ValueError(f"--seeds {min(self.seeds)}: must not be negative")
         if self.socket and (self.conditions.latency_ms, self.conditions.lost_frames) != (
@@ -141,7 +141,7 @@ def track_scenarios(config: EvaluationConfig) -> "list[Scenario]":
     return [
         TrackScenario(track, light, config.seeds or (None,), config.conditions, config.socket)
         for track in config.driven_tracks
-        for light in config.photometric or (None,)
+        for light in config.lights or (None,)
     ]
 
 
@@ -158,9 +158,7 @@ def recording_scenarios(config: EvaluationConfig) -> "list[Scenario]":
 
     folders = [folder.resolve() for folder in config.recordings]
     named = list(zip(name_paths(folders), folders, strict=True))
-    found = run_tasks(
-        partial(prepare_scenario, config.last_part), named, config.drive_tasks, process_settings.for_pictures
-    )
+    found = run_tasks(partial(prepare_scenario, config.last_part), named, config.jobs, process_settings.for_pictures)
     prepared = dict(
         tqdm(
             found,
@@ -215,25 +213,25 @@ def drive_all(
 
     from pilot.workers import run_tasks
 
-    drive_tasks = [
-        ((name, scenario.title), job)
+    tasks = [
+        ((name, scenario.title), task)
         for scenario in scenarios
         for name, driver in drivers.items()
-        for job in scenario.drive_tasks(driver, config.out / name if config.video else None)
+        for task in scenario.drive_tasks(driver, config.out / name if config.video else None)
     ]
     done = dict(
         tqdm(
-            run_tasks(operator.call, [job for _, job in drive_tasks], config.drive_tasks, process_settings.for_driving),
+            run_tasks(operator.call, [task for _, task in tasks], config.jobs, process_settings.for_driving),
             "driving",
-            len(drive_tasks),
+            len(tasks),
             unit=" drives",
             leave=False,
         )
     )
-    trajectory: dict[tuple[str, str], list[Trajectory]] = {key: [] for key, _ in drive_tasks}
-    for number, (key, _) in enumerate(drive_tasks):
-        trajectory[key] += done[number]
-    return trajectory
+    trajectories: dict[tuple[str, str], list[Trajectory]] = {key: [] for key, _ in tasks}
+    for number, (key, _) in enumerate(tasks):
+        trajectories[key] += done[number]
+    return trajectories
 
 
 def report(folder: Path, name: str, trajectory: "dict[Scenario, list[Trajectory]]") -> "Evaluation":

@@ -146,7 +146,7 @@ def test_side_by_side_or_one_after_another_the_scores_are_the_same() -> None:
         DriveRequest(expert_policy, track, conditions, start=start)
         for track, start in (("mountain", 1), ("mountain", 2))
     ]
-    alone, together = (dict(run_tasks(run, requests, drive_tasks)) for drive_tasks in (1, 2))
+    alone, together = (dict(run_tasks(run, requests, jobs)) for jobs in (1, 2))
     first, second = ([score("", [driven[number]]) for number in range(2)] for driven in (alone, together))
     assert first == second
     assert first[0] != first[1]  # each from its own start place
