@@ -1,11 +1,12 @@
 """Recordings made for the tests: a bright post in the picture says how the driver steered."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import torch
 
 from pilot.simulator.track import STEP, Track, closed_road
 
@@ -29,6 +30,15 @@ def _cache_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Tests neither read nor fill the user's cache folder."""
     for name in ("XDG_CACHE_HOME", "LOCALAPPDATA"):
         monkeypatch.setenv(name, str(tmp_path / "user_cache"))
+
+
+@pytest.fixture(autouse=True)
+def _process_settings_of_its_own() -> Iterator[None]:
+    """Commands that a test calls in this process change its threads, which the next test must not inherit."""
+    threads, opencv_threads = torch.get_num_threads(), cv2.getNumThreads()
+    yield
+    torch.set_num_threads(threads)
+    cv2.setNumThreads(opencv_threads)
 
 
 def picture(steering: float, shift: float = 0.0) -> np.ndarray:

@@ -73,6 +73,8 @@ class TrainingConfig:
         Raises:
             ValueError: names the option, its value and what it may be.
         """
+        if self.network not in network_names():
+            raise ValueError(f"--network {self.network}: there are {', '.join(network_names())}")
         self.augment.check()
         positive = {
             "epochs": self.epochs,

@@ -139,7 +139,7 @@ def test_without_a_recording_where_one_should_be_it_says_what_to_do(tmp_path: Pa
         (["--epochs", "0"], "--epochs 0: must be greater than 0"),
         (["--augment.flip", "2"], "--augment.flip 2.0: must lie in 0..1"),
         (["--samples.validation-share", "1"], "--samples.validation-share 1.0: must lie between 0 and 1"),
-        (["--network", "resnet"], "nvidia"),
+        (["--network", "resnet"], "--network resnet: there are densenet, lenet, lenet5, nvidia"),
         (["--nonsense"], "nonsense"),
         (["--device", "cuda:7"], "--device cuda:7: not on this machine"),
         (["--data", "nowhere"], "nowhere: no such folder"),
