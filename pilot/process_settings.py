@@ -6,6 +6,7 @@ The library itself never changes them: who imports it keeps the settings of his 
 import contextlib
 import ctypes
 import sys
+import warnings
 
 
 def for_pictures() -> None:
@@ -38,6 +39,11 @@ def for_driving() -> None:
 
     for_pictures()
     torch.set_num_threads(1)
+
+
+def for_serving() -> None:
+    """Settings for a process that serves the simulator: no warning about eventlet, which its old protocol needs."""
+    warnings.filterwarnings("ignore", message=r"\s*Eventlet is deprecated")
 
 
 def _keep_memory() -> None:

@@ -61,6 +61,7 @@ def serve(config: ServeConfig) -> None:
     Raises:
         UnusableModel, WrongVersionError, FolderInUseError, OSError: with the cure in the message.
     """
+    process_settings.for_serving()
     # imported here: --help and wrong options need not wait for torch
     from pilot.driving.autopilot import Autopilot, FrameClock
     from pilot.driving.dashboard.page import create_page
