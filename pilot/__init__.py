@@ -1,1 +1,1 @@
-"""Behavioral cloning for the Udacity simulator: learn to steer from recorded laps, then drive."""
+"""Behavioral cloning for the Udacity simulator: train a network on recorded laps, then let it drive."""

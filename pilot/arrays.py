@@ -1,8 +1,8 @@
-"""The kinds of arrays that go from room to room."""
+"""Type aliases for the arrays that modules exchange."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Matrix = NDArray[np.float64]  # 3x3, or n x 3 x 3
-Frame = NDArray[np.uint8]  # 160x320x3 RGB as the simulator sends it, or some rows of it
+Frame = NDArray[np.uint8]  # 160x320x3 RGB as the simulator sends it, or a range of its rows

@@ -1,8 +1,7 @@
-"""The simulator's camera and car as geometry: what the road looks like from another pose.
+"""Geometry of the simulator's car and camera: projection of the road, and homographies between poses of the car.
 
-Car axes: x right, z forward, metres; headings in radians, positive to the right. The road is taken
-as flat, so a picture of it from one pose maps onto that from another by a homography.
-The figures of the car and its cameras stand in vehicle.py.
+Car coordinates are x right, z forward, in metres; headings are in radians, positive to the right. The road is assumed
+to be flat, so that images of it from two poses are related by a homography. The constants are defined in vehicle.py.
 """
 
 import functools
@@ -28,25 +27,28 @@ Number = TypeVar("Number", float, Floats)
 
 
 def matrices(*entries: float | Floats) -> Matrix:
-    """A 3x3 matrix of nine numbers, row by row; n x 3 x 3 where some of them are arrays of n."""
+    """Return the 3x3 matrix of nine entries in row-major order; n x 3 x 3 if some entries are arrays of length n."""
     stacked = np.stack(np.broadcast_arrays(*entries), -1)
     return stacked.reshape(*stacked.shape[:-1], 3, 3).astype(float)
 
 
 @functools.cache
 def ground_to_pixel() -> Matrix:
-    """Homography (3x3) from road coordinates (x right, z forward of the camera, 1) to pixels (u, v, 1)."""
+    """Return the homography (3x3) from ground coordinates (x, z, 1), relative to the camera, to pixels (u, v, 1)."""
     intrinsics = np.array([[FOCAL_LENGTH, 0, COLUMNS / 2], [0, FOCAL_LENGTH, ROWS / 2], [0, 0, 1]])
     road_in_camera = np.array([[1, 0, 0], [0, 0, CAMERA_HEIGHT], [0, 1, 0]])  # camera axes: y points down
     return np.asarray(intrinsics @ camera_rotation() @ road_in_camera)
 
 
 def viewpoint_homography(offset: float | Floats, heading: float | Floats) -> Matrix:
-    """Homography (3x3) from a frame's pixels to those seen by a displaced car; valid below the horizon.
+    """Return the homography from a frame's pixels to those seen from a displaced car; valid below the horizon.
 
     Args:
-        offset: metres by which the car (its rear axle) stands to the right of where it was.
-        heading: radians by which it points to the right of where it pointed. Of arrays of n: n x 3 x 3.
+        offset: displacement of the car's rear axle in metres, positive to the right.
+        heading: rotation of the car in radians, positive to the right.
+
+    Returns:
+        3x3; n x 3 x 3 if the arguments are arrays of length n.
     """
     sine, cosine = np.sin(heading), np.cos(heading)
     move = matrices(cosine, -sine, -cosine * offset, sine, cosine, -sine * offset, 0, 0, 1)
@@ -56,18 +58,18 @@ def viewpoint_homography(offset: float | Floats, heading: float | Floats) -> Mat
 
 @functools.cache
 def _axle_to_pixel() -> tuple[Matrix, Matrix]:
-    """Homography from road coordinates at the rear axle to pixels, and back."""
+    """Return the homography from ground coordinates relative to the rear axle to pixels, and its inverse."""
     from_axle = ground_to_pixel() @ matrices(1, 0, 0, 0, 1, -CAMERA_AHEAD_OF_REAR_AXLE, 0, 0, 1)
     return from_axle, np.asarray(np.linalg.inv(from_axle), float)
 
 
 def path_pixels(steering: float, length: float = 25.0, lateral: float = 0.0) -> Matrix:
-    """Where the car's path for a steering (-1..1) lies in its own frame: n x 2 pixels (column, row).
+    """Return the car's path for a constant steering as it appears in the frame: n x 2 pixels (column, row).
 
     Args:
-        steering: held for the whole path, which is then an arc.
-        length: metres, from the rear axle.
-        lateral: metres to the right of the middle of the car, for the path of a wheel.
+        steering: -1..1; constant, so that the path is an arc.
+        length: of the path in metres, from the rear axle.
+        lateral: metres to the right of the car's longitudinal axis, for the path of a wheel.
     """
     curvature = steering_to_curvature(steering)
     distance = np.linspace(CAMERA_AHEAD_OF_REAR_AXLE + 2.0, length, 40)
@@ -81,7 +83,7 @@ def path_pixels(steering: float, length: float = 25.0, lateral: float = 0.0) -> 
 
 
 def camera_rotation() -> Matrix:
-    """Rotation (3x3) from level axes (x right, y down, z forward) to the tilted camera's."""
+    """Return the rotation (3x3) from level axes (x right, y down, z forward) to those of the tilted camera."""
     pitch = _rotation(0, PITCH)
     yaw = _rotation(1, -YAW)
     roll = _rotation(2, -ROLL)

@@ -1,30 +1,30 @@
-"""What all commands have in common: how errors, Ctrl-C and log messages reach the terminal, and exit codes."""
+"""Common behaviour of all commands: error messages, Ctrl-C, log messages and exit codes."""
 
 import logging
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
-INTERRUPTED = 130  # exit code of a program that Ctrl-C has ended, as shells know it
+INTERRUPTED = 130  # exit code after Ctrl-C by the convention of shells: 128 + SIGINT
 
 
 def program(script: str) -> str:
-    """How the user has called this command: as `script` in a clone, or as an installed command."""
+    """Return the name by which the user called this command: `script` in a clone, or that of the installed command."""
     called = Path(sys.argv[0]).stem
     return called if called.startswith("pilot-") else script
 
 
 def run(name: str, action: Callable[[], None], *, talkative: bool = False) -> int:
-    """Do what a command does, and turn what goes wrong into one sentence.
+    """Run a command and turn exceptions into one-line error messages and exit codes.
 
     Args:
-        name: of the command, in front of its error.
-        action: parses options, checks them, does the work; raises ValueError, OSError or RuntimeError with the cure in
-            the message, and KeyboardInterrupt, which may say what became of the work.
-        talkative: show what the package logs at level INFO, such as who connects.
+        name: of the command, printed before an error message.
+        action: parses and checks the options and does the work. It may raise ValueError, OSError or RuntimeError with
+            a message that tells the user what to do, or KeyboardInterrupt, optionally with the state of the work.
+        talkative: show the package's log messages of level INFO, such as new connections.
 
     Returns:
-        the exit code: 0, 1 after an error, 130 after Ctrl-C.
+        the exit code: 0 on success, 1 after an error, 130 after Ctrl-C.
     """
     logging.basicConfig(level=logging.ERROR, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     if talkative:

@@ -1,4 +1,4 @@
-"""Writing files so that a failure never costs the user what was there before."""
+"""Atomic writing of files: a failure never destroys the previous content."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -8,13 +8,16 @@ from typing import IO
 
 
 def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
-    """Write a file under a temporary name beside `path`, then rename it onto `path`.
+    """Write a file under a temporary name in the same folder, then rename it to `path`.
 
-    Whatever happens on the way (full disk, Ctrl-C, power), `path` holds either its old content
-    or the whole new one.
+    If writing fails (full disk, Ctrl-C, power failure), `path` keeps its previous content.
+
+    Args:
+        path: of the file; its folder is created if necessary.
+        write: writes the content to the open binary file that it is called with.
 
     Raises:
-        OSError: the folder cannot be made or written to.
+        OSError: the folder cannot be created or written to.
     """
     with move_when_done(path) as temporary, temporary.open("wb") as file:
         write(file)
@@ -24,10 +27,10 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
 
 @contextmanager
 def move_when_done(path: Path) -> Iterator[Path]:
-    """A temporary name beside `path` to write to; renamed onto `path` unless the block fails.
+    """Provide a temporary path in the same folder; it is renamed to `path` unless the block raises.
 
     Raises:
-        OSError: the folder cannot be made or written to.
+        OSError: the folder cannot be created or written to.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")

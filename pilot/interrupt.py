@@ -1,4 +1,4 @@
-"""Ctrl-C at a moment that suits us: between two steps, when everything is consistent."""
+"""Deferred handling of Ctrl-C: programs stop between two steps, when their state is consistent."""
 
 import signal
 import threading
@@ -8,26 +8,30 @@ from types import FrameType
 
 
 class Interrupt:
-    """Whether the user asked to stop; asking a second time stops at once."""
+    """Request of the user to stop; a second request raises KeyboardInterrupt immediately.
+
+    Attributes:
+        asked: whether the user has requested to stop.
+    """
 
     def __init__(self) -> None:
         self.asked = False
 
     def ask(self, signal_number: int, _frame: FrameType | None) -> None:
-        """Handle SIGINT or SIGTERM."""
+        """Handle SIGINT or SIGTERM (a signal handler)."""
         if self.asked:
             raise KeyboardInterrupt
         self.asked = True
 
     def raise_if_asked(self) -> None:
-        """End with KeyboardInterrupt, now that everything is consistent, if the user asked to stop."""
+        """Raise KeyboardInterrupt if the user has requested to stop; to be called between two steps."""
         if self.asked:
             raise KeyboardInterrupt
 
 
 @contextmanager
 def catch_interrupt() -> Iterator[Interrupt]:
-    """Turn SIGINT and SIGTERM into `Interrupt.asked` while the block runs (in the main thread only)."""
+    """Turn SIGINT and SIGTERM into `Interrupt.asked` within the block; no effect outside the main thread."""
     interrupt = Interrupt()
     if threading.current_thread() is not threading.main_thread():
         yield interrupt

@@ -1,4 +1,4 @@
-"""Progress bars for long work, in one form, so that programs and tests can leave them out or put their own in place."""
+"""Progress bars for long operations, with a common interface, so that callers and tests can omit or replace them."""
 
 from collections.abc import Iterable
 from typing import Protocol, TypeVar
@@ -9,17 +9,23 @@ Item = TypeVar("Item")
 
 
 class ProgressBar(Protocol[Item]):
-    """Passes items on one by one, and shows how many have been taken."""
+    """Interface of progress bars: passes items on and shows how many have been consumed."""
 
     def __call__(self, items: Iterable[Item], total: int, title: str, /) -> Iterable[Item]:
-        """The same items; `total` of them, or of what they count as (images, for batches)."""
+        """Return an iterable over the same items.
+
+        Args:
+            items: to be passed on.
+            total: number of items, or of the units that the bar counts instead (such as the images of batches).
+            title: text beside the bar.
+        """
 
 
 def no_bar(items: Iterable[Item], _total: int, _title: str, /) -> Iterable[Item]:
-    """Show nothing."""
+    """Return the items without showing a bar."""
     return items
 
 
 def terminal_bar(items: Iterable[Item], total: int, title: str, /) -> Iterable[Item]:
-    """A bar in the terminal that vanishes when it is complete."""
+    """Show a bar in the terminal, removed when it is complete."""
     yield from tqdm(items, title, total, leave=False)

@@ -1,4 +1,4 @@
-"""Independent tasks in several processes, which end with this one: on Ctrl-C, after an error, or when it is killed."""
+"""Independent tasks in worker processes, which end with this process: on Ctrl-C, after an error, or if it is killed."""
 
 import multiprocessing
 import os
@@ -18,7 +18,7 @@ Result = TypeVar("Result")
 
 
 class WorkerKilledError(RuntimeError):
-    """A worker process has ended in the middle of a task; the message names the usual reason and the cure."""
+    """A worker process has died during a task; the message names the usual cause and what to do."""
 
 
 def run_tasks(
@@ -27,24 +27,28 @@ def run_tasks(
     processes: int | None = None,
     set_up: Callable[[], None] | None = None,
 ) -> Iterator[tuple[int, Result]]:
-    """Do tasks side by side; yields the number of each and its result as it is done.
+    """Run tasks in parallel.
 
     Args:
-        do: what is done with a task; like the tasks, the results and `set_up`, it must be picklable.
-        tasks: what is to be done.
-        processes: at the same time; one for each core if None. One task or process is done in this process.
-        set_up: called once in each worker process, for its process-wide settings.
+        do: function that is called with each task; it, the tasks, the results and `set_up` must be picklable.
+        tasks: the arguments of `do`.
+        processes: number of worker processes; None: one per core. With a single task or process, the tasks run in this
+            process, and `set_up` is not called.
+        set_up: called once in each worker process to apply process-wide settings.
+
+    Yields:
+        the index of each task and its result, in the order of completion.
 
     Raises:
         WorkerKilledError: a worker process was killed.
-        Whatever `do` raises; the other tasks are given up.
+        Exception: any that `do` raises; the other tasks are cancelled.
     """
     processes = min(processes or os.cpu_count() or 1, len(tasks))
     if processes <= 1:
         yield from ((number, do(task)) for number, task in enumerate(tasks))
         return
     with _workers(processes, set_up) as executor:
-        with _holding_ctrl_c():  # the first call starts the processes
+        with _holding_ctrl_c():  # the first `submit` starts the processes
             numbers: dict[Future[Result], int] = {
                 executor.submit(_do, do, task): number for number, task in enumerate(tasks)
             }
@@ -60,9 +64,9 @@ def run_tasks(
 
 @contextmanager
 def _workers(processes: int, set_up: Callable[[], None] | None) -> Iterator[ProcessPoolExecutor]:
-    """Processes for the block; when it fails or is left early, what they are doing is ended."""
+    """Provide worker processes for the block; if it raises or is left early, running tasks are terminated."""
     others = set(multiprocessing.active_children())
-    # spawned, not forked: the renderer and torch keep threads
+    # spawned, because a fork would not copy the threads of the renderer and PyTorch
     executor = ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _begin, (set_up,))
     try:
         yield executor
@@ -81,7 +85,7 @@ def _end(workers: set[BaseProcess]) -> None:
 
 
 def _begin(set_up: Callable[[], None] | None) -> None:
-    """A worker leaves Ctrl-C to its parent, which ends it; and does not outlive that one."""
+    """Initialise a worker: it ignores Ctrl-C, which its parent handles, and ends when the parent does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if set_up:
@@ -97,7 +101,10 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _holding_ctrl_c() -> Iterator[None]:
-    """Ctrl-C waits; processes that are started meanwhile do not see it either until they ignore it (not on Windows)."""
+    """Block SIGINT within the block (not on Windows).
+
+    Processes started meanwhile inherit this, so that Ctrl-C does not reach them before they ignore it.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -109,12 +116,12 @@ def _holding_ctrl_c() -> Iterator[None]:
 
 
 def _do(do: Callable[[Task], Result], task: Task) -> Result:
-    """Do a task in a worker; when the parent ends us, what the task started and wrote is cleared away."""
+    """Run a task in a worker; SIGTERM from the parent raises SystemExit, so that the task cleans up after itself."""
     signal.signal(signal.SIGTERM, _leave)
     try:
         return do(task)
     except SystemExit:
-        os._exit(1)  # at once: the interpreter's own end may wait for locks that others hold
+        os._exit(1)  # the interpreter's regular exit may wait for locks that others hold
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 

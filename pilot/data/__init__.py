@@ -1,1 +1,1 @@
-"""Recordings: from a driving_log.csv to batches of augmented frames."""
+"""Recordings: reading and writing, samples, and batches of augmented frames."""

@@ -1,9 +1,9 @@
-"""Augmentations: pure functions on what a camera sees and on the steering that goes with it.
+"""Augmentations: pure functions of frames and their labels.
 
-The geometric ones change a `View`: a homography that says where each pixel of the recorded frame
-goes, and the label. They are joined by multiplication, so the frame is warped just once, from the
-whole recorded picture (no border of a crop is ever seen), and only the rows that the network looks
-at are computed. The photometric ones change pixels in place and leave the label alone.
+Geometric augmentations change a `View`: the homography that maps the pixels of the recorded frame, and the label. They
+are composed by matrix multiplication, so that the frame is warped only once and from the whole recorded image (the
+borders of the crop never become visible), and only the rows that the network uses are computed. Photometric
+augmentations change the colours of pixels and leave the label unchanged.
 """
 
 import math
@@ -21,42 +21,42 @@ from pilot.vehicle import COLUMNS, ROWS, curvature_to_steering, steering_to_curv
 
 @dataclass(frozen=True)
 class AugmentConfig:
-    """Which augmentations training uses: for each its probability (0: never) and range."""
+    """Augmentations in training: the probability (0: never) and the range of each."""
 
     flip: float = 0.5
-    """Probability of mirroring left and right; the steering changes its sign."""
+    """Probability of mirroring left and right, which changes the sign of the steering."""
     rotation: float = 0.0
-    """Probability of rotating the picture about its middle; the angle in radians is added to the steering."""
+    """Probability of rotating the image about its centre; the angle in radians is added to the steering."""
     rotation_degrees: float = 5.0
-    """Rotation angles are drawn from -degrees..degrees."""
+    """Largest rotation in degrees, in either direction."""
     brightness: float = 0.5
-    """Probability of a change of brightness."""
+    """Probability of changing the brightness."""
     brightness_range: tuple[float, float] = (0.25, 1.2)
-    """Factor on the brightness (HSV value)."""
+    """Range of the factor for the brightness (HSV value)."""
     shadow: float = 0.5
     """Probability of a shadow on one side of a random line."""
     shadow_range: tuple[float, float] = (0.25, 0.7)
-    """Factor on the brightness in the shadow."""
+    """Range of the factor for the brightness in the shadow."""
     crop: float = 0.0
-    """Probability of a random height crop, stretched back to the usual rows."""
+    """Probability of cropping the height at random; the rest is scaled to the rows that the network uses."""
     crop_top: tuple[float, float] = (0.325, 0.475)
-    """Share of the frame's height cut off above."""
+    """Range of the share (0..1) of the frame's height cropped at the top."""
     crop_bottom: tuple[float, float] = (0.075, 0.175)
-    """Share of the frame's height cut off below."""
+    """Range of the share (0..1) of the frame's height cropped at the bottom."""
     viewpoint: float = 0.5
-    """Probability of showing the road from beside the driver's path, with steering that leads back to it."""
+    """Probability of shifting and turning the viewpoint, with steering that returns to the driver's path."""
     viewpoint_metres: float = 1.0
-    """The viewpoint is shifted by up to this, to either side."""
+    """Largest shift of the viewpoint in metres, to either side."""
     viewpoint_degrees: float = 5.0
-    """The viewpoint is turned by up to this, to either side."""
+    """Largest rotation of the viewpoint in degrees, to either side."""
     viewpoint_lookahead: float = 15.0
-    """Metres ahead at which the label's steering has brought the car back (7.2 m make a side camera's 0.2)."""
+    """Metres ahead at which the steering has returned to the path (7.2 corresponds to a side correction of 0.2)."""
 
     def check(self) -> None:
-        """Refuse values that cannot work.
+        """Check the values.
 
         Raises:
-            ValueError: names the option, its value and what it may be.
+            ValueError: a value is invalid; the message names the option, its value and the valid range.
         """
         for name in [geometric.name for geometric in GEOMETRIC] + [photometric.name for photometric in PHOTOMETRIC]:
             probability = getattr(self, name)
@@ -66,18 +66,18 @@ class AugmentConfig:
             raise ValueError(f"--augment.viewpoint-lookahead {self.viewpoint_lookahead}: must be greater than 0")
 
 
-# Geometry: what is seen, and the label
+# Geometric augmentations: homography and label
 
 
 def flip(view: View) -> View:
-    """Mirror left and right: the steering changes its sign."""
+    """Mirror left and right, and change the sign of the steering."""
     return view.transformed(MIRROR, -view.steering)
 
 
 def rotate(view: View, degrees: float | Floats) -> View:
-    """Rotate counter-clockwise about the middle and add the angle in radians to the steering (report 000).
+    """Rotate counter-clockwise about the centre and add the angle in radians to the steering (report 000).
 
-    The label may go beyond -1..1; it is left there, as in the report.
+    As in the report, the label is not clipped and may exceed -1..1.
     """
     angle, x, y = np.radians(degrees), COLUMNS / 2, ROWS / 2
     sine, cosine = np.sin(angle), np.cos(angle)
@@ -86,22 +86,22 @@ def rotate(view: View, degrees: float | Floats) -> View:
 
 
 def crop_height(view: View, top: float | Floats, bottom: float | Floats) -> View:
-    """Cut shares of the height off above and below and stretch the rest over the usual rows (report 004)."""
+    """Crop shares (0..1) of the height at top and bottom and scale the rest to CROP_TOP..CROP_BOTTOM (report 004)."""
     first, last = top * ROWS, (1 - bottom) * ROWS
     scale = (CROP_BOTTOM - CROP_TOP) / (last - first)
     return view.transformed(camera.matrices(1, 0, 0, 0, scale, CROP_TOP - first * scale, 0, 0, 1), view.steering)
 
 
 def shift_viewpoint(view: View, offset: float | Floats, heading: float | Floats, lookahead: float) -> View:
-    """See the road from a car that stands beside the driver's path, and steer back to it.
+    """Show the road from a car displaced from the driver's path, with the steering that returns to it.
 
-    After NVIDIA's shift and rotation (arXiv 1604.07316, section 5): there the label leads back
-    within two seconds, here to the point of the driver's arc `lookahead` metres ahead.
+    Based on NVIDIA's shift and rotation (arXiv 1604.07316, section 5). There the label returns to the path within two
+    seconds, here at the point of the driver's arc `lookahead` metres ahead.
 
     Args:
         view: from the driver's path.
-        offset: metres to the right of the path.
-        heading: radians to the right of the path's direction.
+        offset: of the car from the path in metres, positive to the right.
+        heading: of the car relative to the path's direction in radians, positive to the right.
         lookahead: metres.
     """
     curvature = steering_to_curvature(np.asarray(view.steering))
@@ -109,16 +109,16 @@ def shift_viewpoint(view: View, offset: float | Floats, heading: float | Floats,
     return view.transformed(camera.viewpoint_homography(offset, heading), curvature_to_steering(back))
 
 
-# Light: pixels only
+# Photometric augmentations: pixels only
 
 
 def brightness(pixels: Frame, factor: float) -> Frame:
-    """Scale the HSV value by a factor (report 004): the same as scaling red, green and blue."""
+    """Scale the HSV value by a factor (report 004), which is equivalent to scaling red, green and blue."""
     return np.asarray(cv2.convertScaleAbs(pixels, alpha=factor), np.uint8)
 
 
 def shadow(pixels: Frame, top: float, bottom: float, right: bool, factor: float) -> Frame:
-    """Darken one side of a line that enters at column `top` and leaves at column `bottom` (report 004)."""
+    """Scale the brightness right or left of the line from column `top` to column `bottom` by a factor (report 004)."""
     height, width = pixels.shape[:2]
     edge = width if right else 0
     outline = np.array([[top, 0], [bottom, height], [edge, height], [edge, 0]], np.int32)
@@ -127,18 +127,18 @@ def shadow(pixels: Frame, top: float, bottom: float, right: bool, factor: float)
     return np.asarray(cv2.copyTo(brightness(pixels, factor), mask, pixels.copy()), np.uint8)
 
 
-# Each of them, as training uses it. Another one is an entry here with its fields in AugmentConfig; one that changes
-# pixels needs its counterpart in device_augment.py
+# The augmentations used by training. A new one needs an entry in GEOMETRIC or PHOTOMETRIC and its fields in
+# AugmentConfig; a photometric one also needs its counterpart in device_augment.py
 
 
 @dataclass(frozen=True)
 class Geometric:
-    """An augmentation that moves pixels, and may change the label.
+    """An augmentation that moves pixels and may change the label.
 
     Attributes:
-        name: of its probability in AugmentConfig.
-        draw: n views, each changed at random.
-        examples: a view changed as much as it may be, by what is done.
+        name: of the AugmentConfig field with its probability.
+        draw: changes each of n views by random parameters.
+        examples: returns the view changed by the limits of the range, by description.
     """
 
     name: str
@@ -148,14 +148,14 @@ class Geometric:
 
 @dataclass(frozen=True)
 class Photometric:
-    """An augmentation that changes pixels where they are, by some numbers.
+    """An augmentation that changes colours, controlled by `size` parameters.
 
     Attributes:
-        name: of its probability in AugmentConfig.
-        draw: those numbers for n frames, each frame with the probability: n x size.
-        size: how many there are.
-        apply: changes the pixels of a frame by its numbers.
-        examples: numbers at the ends of the range, by what they do.
+        name: of the AugmentConfig field with its probability.
+        size: number of parameters per frame.
+        draw: draws the parameters of n frames: n x size. Frames that are not selected get a factor of 1.
+        apply: changes the pixels of a frame by its parameters.
+        examples: returns the parameters at the limits of the range, by description.
     """
 
     name: str
@@ -214,7 +214,7 @@ def _apply_brightness(pixels: Frame, numbers: Floats) -> Frame:
 
 
 def _draw_shadow(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
-    """Column where the shadow's line enters, and leaves; 1 if it lies to the right of it; factor in it."""
+    """Draw the arguments of `shadow`: n x (top, bottom, right as 0 or 1, factor)."""
     factor = np.where(rng.random(n) < config.shadow, rng.uniform(*config.shadow_range, n), 1.0)
     top, bottom = rng.uniform(0, COLUMNS, (2, n))
     return np.stack([top, bottom, rng.integers(2, size=n), factor], 1)
@@ -249,11 +249,11 @@ PHOTOMETRIC: list[Photometric] = [
 ]
 
 
-# All of them together. The draws for n frames at once cost as little as one frame's
+# All augmentations together. Drawing for n frames at once takes hardly longer than for one
 
 
 def draw_views(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
-    """Draw the geometric augmentations of n frames; each with its probability."""
+    """Apply each geometric augmentation, with its probability, to n views."""
     for augmentation in GEOMETRIC:
         changed = augmentation.draw(view, config, rng)
         view = changed.where(rng.random(np.size(view.steering)) < getattr(config, augmentation.name), view)
@@ -261,12 +261,12 @@ def draw_views(view: View, config: AugmentConfig, rng: np.random.Generator) -> V
 
 
 def draw_photometric(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
-    """Draw the photometric augmentations of n frames: the numbers of all of them, side by side, a row a frame."""
+    """Draw the parameters of all photometric augmentations for n frames: n x the sum of their sizes."""
     return np.concatenate([augmentation.draw(n, config, rng) for augmentation in PHOTOMETRIC], axis=1)
 
 
 def photometric_columns() -> Iterator[tuple[Photometric, slice]]:
-    """Which of the columns that `draw_photometric` draws belong to which augmentation."""
+    """Yield each photometric augmentation with its columns in the parameters from `draw_photometric`."""
     start = 0
     for augmentation in PHOTOMETRIC:
         yield augmentation, slice(start, start + augmentation.size)
@@ -274,7 +274,7 @@ def photometric_columns() -> Iterator[tuple[Photometric, slice]]:
 
 
 def apply_photometric(pixels: Frame, light: Floats) -> Frame:
-    """Pixels in a light that `draw_photometric` has drawn, or as they are with no number at all."""
+    """Apply a frame's parameters from `draw_photometric` to its pixels; no parameters leave them unchanged."""
     if len(light):
         for augmentation, columns in photometric_columns():
             pixels = augmentation.apply(pixels, light[columns])
@@ -282,12 +282,12 @@ def apply_photometric(pixels: Frame, light: Floats) -> Frame:
 
 
 def rows_needed(rows: tuple[int, int], config: AugmentConfig | None, rotation: float) -> tuple[int, int]:
-    """The recorded frame's rows that any view of `rows` may show.
+    """Return the range of the recorded frame's rows that views of `rows` may show.
 
     Args:
-        rows: what the network looks at.
-        config: of the random augmentations; None without them.
-        rotation: degrees, the largest of a sample's own.
+        rows: first row that the network uses, and the one after the last.
+        config: of the random augmentations; None: no random augmentations.
+        rotation: largest rotation of copies made once (`rotation` of the samples), in degrees.
     """
     views = [View(0.0)]
     if rotation:

@@ -1,7 +1,7 @@
-"""Samples → batches, in parts: each is read, decoded and augmented by the thread that works on it.
+"""Batches of samples, divided into micro-batches, each loaded and augmented by the thread that computes it.
 
-The order of an epoch and every random draw follow from the seed, the epoch and the sample's number alone: not from how
-many threads or processes there are, nor from where an interrupted epoch is taken up again.
+The order of an epoch's samples and all random draws depend only on the seed, the epoch and the sample's number: neither
+on the number of threads or processes, nor on where an interrupted epoch is resumed.
 """
 
 import functools
@@ -28,15 +28,15 @@ from pilot.vehicle import COLUMNS, ROWS
 
 @dataclass(frozen=True)
 class MicroBatch:
-    """Samples to work on.
+    """Samples that one thread computes.
 
     Attributes:
-        frames: n x 160 x 320 x 3, uint8 RGB; only the rows that the network looks at are filled. With `draws`: only
-            the rows that the cache keeps, as recorded.
+        frames: n x 160 x 320 x 3, uint8 RGB; only the rows that the network uses are filled. With `draws`: n x height
+            x 320 x 3, the rows that the cache stores, not augmented.
         steering: n, float32: the labels.
         weight: n, float32: weights in the loss.
-        index: n, int64: numbers of the samples.
-        draws: how the device is to augment the frames.
+        index: n, int64: numbers of the samples (rows of the table of samples).
+        draws: augmentations still to be applied on the device; None: the frames are augmented.
     """
 
     frames: Tensor
@@ -48,11 +48,11 @@ class MicroBatch:
 
 @dataclass(frozen=True)
 class Batch:
-    """The samples of one step.
+    """The samples of one optimisation step.
 
     Attributes:
-        size: samples over all processes, before those with unreadable pictures fall out.
-        parts: this process's; each is made when it is called.
+        size: number of samples over all processes, including those whose images turn out to be unreadable.
+        micro_batches: those of this process; each is loaded when it is called.
     """
 
     size: int
@@ -60,7 +60,11 @@ class Batch:
 
 
 class BatchLoader:
-    """Batches of a set of samples, for one of `world_size` processes (its share of every batch)."""
+    """Loads batches of samples; with several processes, this process's share of each batch.
+
+    Attributes:
+        unreadable: paths of the images that could not be read so far.
+    """
 
     def __init__(
         self,
@@ -76,14 +80,19 @@ class BatchLoader:
         micro_batches: int = 1,
         for_gpu: bool = False,
     ) -> None:
-        """Prepare for `samples`; without `augment` frames come as recorded, in the samples' order.
+        """Create a loader of `samples`, a table as described in samples.py.
 
         Args:
-            rows: of the frames, that the network looks at.
+            samples: of which each epoch loads every one once.
+            rows: first frame row that the network uses, and the one after the last.
+            batch_size: number of samples per batch over all processes.
+            augment: random augmentations; None: none, and samples are loaded in the table's order.
             cache: reads the frames.
-            parts: that each batch is divided into.
-            for_gpu: batches are read ahead, and the device augments them. (On a CPU, threads that read ahead would
-                fight the network's for the cores, which costs more than it gains.)
+            seed: of the order and the augmentations.
+            rank, world_size: number of this process, from 0, and number of processes.
+            micro_batches: number of micro-batches per batch.
+            for_gpu: load batches ahead and leave augmentation to the device. (On a CPU, loading ahead would compete
+                with the network's threads for the cores, which costs more than it gains.)
         """
         self.images = samples["image"].tolist()
         self.steering = samples["steering"].to_numpy(float)
@@ -96,7 +105,7 @@ class BatchLoader:
         self.unreadable: set[str] = set()
 
     def epoch(self, epoch: int, first_batch: int = 0) -> Iterator[Batch]:
-        """The batches of an epoch from `first_batch` on; samples whose picture is damaged fall out."""
+        """Yield the batches of an epoch from `first_batch` on; micro-batches omit samples with unreadable images."""
         order, drawn = self._order(epoch), self._draw(epoch)
         starts = range(first_batch * self.batch_size, len(order), self.batch_size)
         batches = (self._batch(order[start : start + self.batch_size], drawn) for start in starts)
@@ -107,7 +116,7 @@ class BatchLoader:
         return numbers if self.augment is None else np.random.default_rng([self.seed, epoch]).permutation(numbers)
 
     def _draw(self, epoch: int) -> "_EpochViews":
-        """How all samples are to be seen in an epoch."""
+        """Draw the augmentations of all samples for an epoch."""
         n = len(self.images)
         view = View(self.steering)
         view = rotate(view, self.rotation).where(self.rotation != 0, view)
@@ -124,9 +133,9 @@ class BatchLoader:
         return Batch(len(index), [functools.partial(load, micro_batch, drawn) for micro_batch in micro_batches])
 
     def _load(self, index: NDArray[np.int64], drawn: "_EpochViews") -> MicroBatch:
-        """Read samples, and augment them."""
+        """Load and augment samples on the CPU."""
         top, bottom = self.rows
-        frames = np.empty((len(index), ROWS, COLUMNS, 3), np.uint8)  # pages of rows not filled are never touched
+        frames = np.empty((len(index), ROWS, COLUMNS, 3), np.uint8)  # memory pages of unused rows are never touched
         readable: list[int] = []
         for sample, kept in self._read(index):
             pixels = render(kept, drawn.homographies[sample], self.rows, self.cache.rows[0])
@@ -135,7 +144,7 @@ class BatchLoader:
         return self._micro_batch(torch.from_numpy(frames[: len(readable)]), readable, drawn)
 
     def _load_for_gpu(self, index: NDArray[np.int64], drawn: "_EpochViews") -> MicroBatch:
-        """Read samples for the device to augment."""
+        """Load samples that are augmented on the device."""
         first, last = self.cache.rows
         read = list(self._read(index))
         frames = torch.from_numpy(np.array([kept for _, kept in read]).reshape(-1, last - first, COLUMNS, 3))
@@ -147,7 +156,7 @@ class BatchLoader:
         return replace(micro_batch, frames=pinned, draws=draws)
 
     def _read(self, index: NDArray[np.int64]) -> Iterator[tuple[int, Frame]]:
-        """The samples that can be read, and what is kept of their frames."""
+        """Yield the readable samples with the cached rows of their frames."""
         for sample in index.tolist():
             try:
                 yield sample, self.cache.read(self.images[sample])
@@ -162,7 +171,7 @@ class BatchLoader:
 
 @dataclass(frozen=True)
 class _EpochViews:
-    """How each sample is seen in an epoch: label, homography (3x3), light (the photometric augmentations' numbers)."""
+    """Views (labels: n, homographies: n x 3 x 3) and photometric parameters (n x size) of all samples in an epoch."""
 
     steering: Floats
     homographies: Matrix
@@ -170,7 +179,7 @@ class _EpochViews:
 
 
 def read_ahead(batches: Iterator[Batch]) -> Iterator[Batch]:
-    """The same batches, some of them already being read, by a thread for each core."""
+    """Yield the same batches while later ones, one per core, are being loaded by one thread per core."""
     cores = os.cpu_count() or 1
     with ThreadPoolExecutor(cores) as threads:
         ahead: deque[Batch] = deque()
@@ -181,5 +190,5 @@ def read_ahead(batches: Iterator[Batch]) -> Iterator[Batch]:
                 if len(ahead) > cores:
                     yield ahead.popleft()
             yield from ahead
-        finally:  # Ctrl-C or an error in the step: don't read what nobody will use
+        finally:  # after Ctrl-C or an error in the step, the rest is not needed
             threads.shutdown(cancel_futures=True)

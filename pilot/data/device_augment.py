@@ -1,7 +1,8 @@
-"""The augmentations of `augment` for a whole batch at once, on the network's device.
+"""The augmentations of augment.py for a whole batch at once, on the network's device.
 
-A GPU takes a hundredth of a CPU's time for a step, so that OpenCV could not keep up; the draws stay with the CPU,
-so that both see the same pictures. Where the two differ (by a grey level or two), OpenCV rounds its coefficients.
+A GPU computes a step in a hundredth of a CPU's time, so that augmentation with OpenCV could not keep up. The parameters
+are still drawn on the CPU, so that both paths give the same images. They differ by up to two grey levels, because
+OpenCV rounds its interpolation coefficients.
 """
 
 from collections.abc import Callable
@@ -20,11 +21,12 @@ from pilot.vehicle import COLUMNS, ROWS
 
 @dataclass(frozen=True)
 class DrawnAugmentations:
-    """How each picture of a batch is seen.
+    """Drawn augmentations of n frames.
 
     Attributes:
-        homographies: n x 3 x 3, float32: from pixels of the rows shown back to pixels of the rows kept.
-        photometric: n x the photometric augmentations' numbers, float32: as draw_photometric draws them.
+        homographies: n x 3 x 3, float32: inverse, from pixels of the rows that the network uses to pixels of the rows
+            that the cache stores.
+        photometric: n x parameters from `draw_photometric`, float32.
     """
 
     homographies: Tensor
@@ -32,25 +34,32 @@ class DrawnAugmentations:
 
     @classmethod
     def of(cls, homographies: Matrix, photometric: Floats, first_kept: int, first_shown: int) -> "DrawnAugmentations":
-        """What was drawn for whole frames, for pictures that begin at a row."""
+        """Convert augmentations drawn for whole frames.
+
+        Args:
+            homographies: n x 3 x 3, from the recorded frame's pixels to those of the view.
+            photometric: n x parameters from `draw_photometric`.
+            first_kept: first frame row that the cache stores.
+            first_shown: first frame row that the network uses.
+        """
         backwards = np.linalg.inv(from_rows(homographies, first_kept, first_shown))
         return cls(torch.from_numpy(backwards).float(), torch.from_numpy(photometric).float())
 
     def to(self, device: torch.device) -> "DrawnAugmentations":
-        """The same on a device."""
+        """Return a copy on the device."""
         return DrawnAugmentations(self.homographies.to(device), self.photometric.to(device))
 
 
 def augment(kept: Tensor, draws: DrawnAugmentations, rows: tuple[int, int]) -> Tensor:
-    """Show each picture of a batch as drawn.
+    """Apply drawn augmentations to frames.
 
     Args:
-        kept: n x height x 320 x 3, uint8 RGB: the rows that the cache keeps.
-        draws: on the same device.
-        rows: that the network looks at.
+        kept: n x height x 320 x 3, uint8 RGB: the rows that the cache stores.
+        draws: the frames' augmentations, on the same device.
+        rows: first frame row that the network uses, and the one after the last.
 
     Returns:
-        n x 160 x 320 x 3, uint8 RGB; black but for `rows`.
+        n x 160 x 320 x 3, uint8 RGB; black outside `rows`.
     """
     pixels = _warp(kept.permute(0, 3, 1, 2).float(), draws.homographies, rows[1] - rows[0])
     lit = _apply_photometric(pixels, draws.photometric)
@@ -60,7 +69,7 @@ def augment(kept: Tensor, draws: DrawnAugmentations, rows: tuple[int, int]) -> T
 
 
 def _warp(pixels: Tensor, homographies: Tensor, height: int) -> Tensor:
-    """Rows as another camera sees them; the border goes on outside, but is black where a picture is only turned."""
+    """Warp images; outside the source, the border is replicated for perspective and black for affine homographies."""
     y, x = torch.meshgrid(
         torch.arange(height, device=pixels.device), torch.arange(COLUMNS, device=pixels.device), indexing="ij"
     )
@@ -94,5 +103,5 @@ def _shadow(pixels: Tensor, numbers: Tensor) -> Tensor:
     return (pixels * torch.where(in_shadow, factor, 1.0)[:, None]).round()
 
 
-# The photometric augmentations of augment.py: n x 3 x rows x columns pixels, 0..255, by n x size x 1 x 1 numbers
+# By name of the photometric augmentation. Pixels are n x 3 x rows x columns, 0..255; parameters n x size x 1 x 1
 ON_DEVICE: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"brightness": _brightness, "shadow": _shadow}

@@ -1,6 +1,6 @@
-"""Recordings → clean rows, or a refusal with counts.
+"""Reading of recordings into one table of usable rows, with counts of what is left out.
 
-A recording is a folder with a driving_log.csv and, beside it, the pictures in IMG/.
+A recording is a folder with a driving_log.csv and a folder IMG/ with its images.
 """
 
 import math
@@ -17,24 +17,24 @@ from pilot.data.log_format import LOG_NAME, NUMBERS, LogLine, parse_log, time_of
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import CAMERAS
 
-SECONDS_A_ROW = 0.1  # where the names of the pictures carry no time
+SECONDS_A_ROW = 0.1  # assumed where the names of the images contain no time
 
 
 class NoUsableData(ValueError):
-    """There is nothing to train on; the message names the file and the cure."""
+    """The recordings contain no usable rows; the message names the file and what to do."""
 
 
 @dataclass(frozen=True)
 class DrivingLog:
-    """The rows that can be used, of one or many recordings, and a count of those that cannot.
+    """The usable rows of one or more recordings, and counts of those left out.
 
     Attributes:
-        rows: one row a moment, in the order of recording. Columns: recording (number), line (in the
-            file), time (seconds), center, left, right (path of the picture, or "" without one),
-            steering (-1..1, right is positive), throttle and brake (0..1), speed (mph); the last
-            three are NaN where the log does not hold them.
-        recordings: the folders, in the order of their numbers.
-        left_out: for every recording, how many rows (or side pictures) were left out, by reason.
+        rows: one row per time step, in the order of recording. Columns: recording (index in `recordings`), line
+            (number in the file), time (seconds), center, left, right (path of the image, or "" if there is none),
+            steering (-1..1, right is positive), throttle and brake (0..1), speed (mph). Throttle, brake and speed are
+            NaN where the log does not contain them.
+        recordings: their folders.
+        left_out: for each recording, the number of rows (or side images) left out, by reason.
     """
 
     rows: pd.DataFrame
@@ -42,7 +42,7 @@ class DrivingLog:
     left_out: tuple[Counter[str], ...]
 
     def table(self) -> str:
-        """What was read and what was left out, a line a recording, as text."""
+        """Return the counts of used and left out rows as a text table, one line per recording."""
         used = self.rows["recording"].value_counts()
         lines = [
             {"recording": str(folder), "rows used": int(used.get(number, 0)), **left_out}
@@ -52,10 +52,13 @@ class DrivingLog:
 
 
 def find_recordings(folders: Sequence[Path]) -> list[Path]:
-    """The driving_log.csv files in these folders and below them, each once; a log itself may be named.
+    """Return the driving_log.csv files in the folders and their subfolders, without duplicates.
+
+    Args:
+        folders: to be searched; paths of log files are also accepted.
 
     Raises:
-        NoUsableData: a folder does not exist, or there is no log in any of them.
+        NoUsableData: a folder does not exist, or none of them contains a log.
     """
     logs: list[Path] = []
     for folder in folders:
@@ -73,15 +76,15 @@ def find_recordings(folders: Sequence[Path]) -> list[Path]:
 def read_driving_logs(
     folders: Sequence[Path], progress: ProgressBar[str] = no_bar, cache: FrameCache | None = None
 ) -> DrivingLog:
-    """Read one or many recordings and leave out what cannot be used, counted by reason.
+    """Read one or more recordings; unusable rows and images are left out and counted by reason.
 
     Args:
-        folders: recordings, or folders of recordings.
-        progress: wraps the pictures while they are checked (called with them and their number).
-        cache: knows some pictures already, and keeps the others.
+        folders: recordings, or folders that contain recordings.
+        progress: progress bar over the images being checked.
+        cache: checks the images and stores their frames.
 
     Raises:
-        NoUsableData: nothing can be used; names the file, the reasons and the cure.
+        NoUsableData: no row can be used; the message names the files, the reasons and what to do.
     """
     logs = find_recordings(folders)
     parts = [_read_log(log, number) for number, log in enumerate(logs)]
@@ -96,7 +99,7 @@ def read_driving_logs(
 
 
 def part_of_each(rows: pd.DataFrame, begin: float, end: float) -> pd.DataFrame:
-    """The rows of each recording from one share of it to another (0..1), in the order of recording."""
+    """Return the rows of each recording from the share `begin` up to the share `end` (0..1) of its rows."""
     recording = rows.groupby("recording")["recording"]
     share = recording.cumcount() / recording.transform("size")
     return rows[(share >= begin) & (share < end)].reset_index(drop=True)
@@ -135,13 +138,13 @@ def _read_log(log: Path, recording: int) -> tuple[pd.DataFrame, Counter[str]]:
 
 
 def _images_beside(log: Path) -> dict[str, str]:
-    """Paths of the pictures in IMG/ (or simply beside the log) by their names in lower case."""
+    """Return the paths of the files in IMG/ and in the log's own folder, by their names in lower case."""
     folders = [log.parent, *(entry for entry in log.parent.iterdir() if entry.is_dir() and entry.name.lower() == "img")]
     return {name.lower(): str(folder / name) for folder in folders for name in os.listdir(folder)}
 
 
 def _row_fault(line: LogLine, expected: int, images: dict[str, str]) -> str | None:
-    """Why a row cannot be used, as far as its text tells."""
+    """Return why a row cannot be used, without reading its images; None if no fault is found."""
     if len(line.values) < min(expected, len(NUMBERS)) or not line.images:
         return "row incomplete"
     steering = _number(line.values.get("steering", ""))
@@ -175,7 +178,7 @@ def _fill_times(times: "pd.Series[float]") -> "pd.Series[float]":
 
 
 def _without_bad_images(rows: pd.DataFrame, left_out: Sequence[Counter[str]], bad: dict[str, str]) -> pd.DataFrame:
-    """Drop rows whose centre picture cannot be used, and side pictures that cannot."""
+    """Remove rows with an unusable centre image, and unusable side images from the others."""
     for camera in CAMERAS:
         damaged = rows[rows[camera].isin(list(bad))]
         what = "" if camera == "center" else "side "

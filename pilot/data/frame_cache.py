@@ -1,9 +1,9 @@
-"""Decoded frames on disk, kept between trainings: a picture is decoded once, however often it is looked at.
+"""Cache of decoded frames on disk, kept between trainings, so that each image is decoded only once.
 
-Each folder of pictures has a file of its own, named by a digest of what is in the folder. It holds the rows of the
-frames that a training may show, one frame after the other, then as JSON what is wrong with which pictures. It is
-complete before it gets its name and never changed afterwards: processes share it, and a crash half-way costs nothing
-but the work. Reading it takes a tenth of the time of decoding, and, unlike a mapped file, no memory.
+Each folder of images has one cache file, named by a digest of the images. It contains the frame rows that training can
+show, one frame after another, followed by the unusable images and their faults as JSON. It is renamed to its final name
+when complete and never changed afterwards, so that processes can share it and a crash loses only the unfinished file.
+Reading takes a tenth of the time of decoding and, unlike a memory-mapped file, no memory.
 """
 
 import contextlib
@@ -26,48 +26,57 @@ from pilot.files import move_when_done
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import COLUMNS, ROWS
 
-AT_ONCE = 256  # pictures decoded ahead of being written
-DAY = 86400.0  # seconds; unfinished files older than this were left by a crash
+AT_ONCE = 256  # images decoded in parallel before they are written
+DAY = 86400.0  # seconds; older unfinished files were left by a crash
 
 
 class FrameCache:
-    """The rows of frames that a training looks at.
+    """Reads images as frames and stores the decoded rows on disk.
 
     Attributes:
-        rows: first row, and the one after the last, of what is read of each frame.
-        trouble: why frames could not be kept, or "".
+        rows: first row that is read of each frame, and the one after the last.
+        trouble: why frames could not be stored, or "".
     """
 
     def __init__(self, rows: tuple[int, int] = (0, ROWS), *, limit: int = 0, folder: Path | None = None) -> None:
-        """Keep up to `limit` bytes in `folder` (default: the user's cache folder); with 0, decode each time."""
+        """Create a cache.
+
+        Args:
+            rows: first row to be read of each frame, and the one after the last.
+            limit: size of all cache files together in bytes; 0: no cache, images are decoded at every read.
+            folder: of the cache files; None: in the user's cache folder.
+        """
         self.rows, self.limit = rows, limit
         self.folder = folder or user_cache_path("behavioral-cloning-pilot") / "frames"
         self.trouble = ""
-        self._places: dict[str, tuple[Path, int]] = {}  # picture → file of its folder, offset there
+        self._places: dict[str, tuple[Path, int]] = {}  # image → cache file, offset in bytes
         self._size = (rows[1] - rows[0]) * COLUMNS * 3
         self._in_use: set[Path] = set()
 
     def read(self, path: str) -> Frame:
-        """The rows of a picture file's frame, uint8 RGB.
+        """Return the `rows` of an image file's frame: height x 320 x 3, uint8 RGB.
 
         Raises:
-            UnreadableImage: as `read_frame`.
+            UnreadableImage: the file is missing, empty, truncated or not an image.
         """
         if path in self._places:
             file, offset = self._places[path]
             kept = np.empty((self.rows[1] - self.rows[0], COLUMNS, 3), np.uint8)
-            with contextlib.suppress(OSError), open(file, "rb", buffering=0) as source:  # noqa: PTH123 - half the time
+            with contextlib.suppress(OSError), open(file, "rb", buffering=0) as source:  # noqa: PTH123 - twice as fast
                 source.seek(offset)
-                if source.readinto(kept.data) == self._size:  # else somebody cleared the cache folder
+                if source.readinto(kept.data) == self._size:  # else the cache folder was cleared
                     return kept
         return self._decode(path)
 
     def check(self, paths: Sequence[str], progress: ProgressBar[str] = no_bar) -> dict[str, str]:
-        """Why which pictures cannot be used; decodes all that are not known yet, and keeps them.
+        """Check images; those that are not in the cache are decoded and stored.
 
         Args:
-            paths: picture files.
-            progress: wraps the pictures while they are checked (called with them and their number).
+            paths: image files.
+            progress: progress bar over the images.
+
+        Returns:
+            the faults of unusable images by their paths.
         """
         ordered = sorted(set(paths), key=os.path.split)
         shown = iter(progress(ordered, len(ordered), "checking pictures"))
@@ -76,8 +85,8 @@ class FrameCache:
             try:
                 for _, group in groupby(ordered, key=os.path.dirname):
                     faults |= self._check_folder(list(group), threads, shown)
-                list(shown)  # a bar that is complete
-            finally:  # Ctrl-C: don't read the rest
+                list(shown)  # completes the bar
+            finally:  # after Ctrl-C, the rest is not needed
                 threads.shutdown(cancel_futures=True)
         return faults
 
@@ -98,7 +107,7 @@ class FrameCache:
         return faults
 
     def _fill(self, file: Path, paths: list[str], threads: ThreadPoolExecutor, shown: Iterator[str]) -> dict[str, str]:
-        """Decode the pictures of a folder and, if there is room, keep them."""
+        """Decode the images of a folder and, if the limit permits, store them."""
         if not self._make_room(len(paths) * self._size):
             return self._decode_all(paths, threads, shown)
         with move_when_done(file) as temporary, temporary.open("wb") as output:
@@ -127,7 +136,7 @@ class FrameCache:
         return faults
 
     def _try(self, path: str) -> Frame | str:
-        """The rows of a picture, or why it cannot be used."""
+        """Return the rows of an image's frame, or the fault that makes it unusable."""
         try:
             return self._decode(path)
         except UnreadableImage as error:
@@ -137,7 +146,7 @@ class FrameCache:
         return read_frame(path)[slice(*self.rows)]
 
     def _make_room(self, size: int) -> bool:
-        """Remove what is kept of other recordings, the longest unused first, until `size` more bytes may be kept."""
+        """Remove abandoned files, and the least recently used ones until `size` bytes fit; return whether they do."""
         self.folder.mkdir(parents=True, exist_ok=True)
         kept = {file: file.stat() for file in self.folder.iterdir()}
         left = self.limit - size - sum(stat.st_size for stat in kept.values())
@@ -150,19 +159,19 @@ class FrameCache:
 
 
 def _kept_faults(file: Path, end: int) -> dict[str, str] | None:
-    """What an earlier check found, which stands behind the frames' `end` bytes; None if nothing is kept."""
+    """Return the faults stored in a cache file after the `end` bytes of its frames; None if there is no such file."""
     try:
         with file.open("rb") as kept:
             kept.seek(end)
             faults: dict[str, str] = json.loads(kept.read())
-        os.utime(file)  # the longest unused is removed first
+        os.utime(file)  # `_make_room` removes the least recently used first
     except (FileNotFoundError, ValueError):
         return None
     return faults
 
 
 def _digest(paths: Iterable[str], rows: tuple[int, int]) -> str:
-    """A short text that changes with the pictures (name, size, time of the last change) and the rows kept."""
+    """Return a digest of the images (path, size, time of last change) and of the rows stored."""
     digest = hashlib.sha256(repr(rows).encode())
     for path in paths:
         try:

@@ -1,4 +1,4 @@
-"""Camera frames from files: decoding, checking, and the pictures a batch needs."""
+"""Decoding, checking and encoding of camera frames."""
 
 from pathlib import Path
 
@@ -13,7 +13,11 @@ JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
 
 class UnreadableImage(ValueError):
-    """A picture that cannot be used; `reason` is short enough to count by."""
+    """The image cannot be used.
+
+    Attributes:
+        reason: short, for counting.
+    """
 
     def __init__(self, path: Path | str, reason: str) -> None:
         super().__init__(f"{path}: {reason}")
@@ -21,19 +25,19 @@ class UnreadableImage(ValueError):
 
 
 def read_frame(path: Path | str) -> Frame:
-    """Read a picture file as a 160x320x3 uint8 RGB frame; other sizes are scaled to it.
+    """Read an image file as a 160x320x3 uint8 RGB frame; images of other sizes are scaled.
 
     Raises:
-        UnreadableImage: the file is missing, empty, cut off or no picture.
+        UnreadableImage: the file is missing, empty, truncated or not an image.
     """
     return _to_size(read_frame_as_is(path))
 
 
 def read_frame_as_is(path: Path | str) -> Frame:
-    """Read a picture file as a uint8 RGB frame of its own size.
+    """Read an image file as rows x columns x 3 uint8 RGB, without scaling.
 
     Raises:
-        UnreadableImage: the file is missing, empty, cut off or no picture.
+        UnreadableImage: the file is missing, empty, truncated or not an image.
     """
     try:
         data = np.fromfile(path, np.uint8)  # not cv2.imread: it fails on non-ASCII paths on Windows
@@ -48,7 +52,7 @@ def read_frame_as_is(path: Path | str) -> Frame:
 
 
 def decode_frame(data: NDArray[np.uint8]) -> Frame | None:
-    """Decode an encoded picture (1-D uint8) to a 160x320x3 uint8 RGB frame; None if it is damaged."""
+    """Decode an encoded image (1-D uint8) to a 160x320x3 uint8 RGB frame; return None if it is damaged."""
     frame = _decode(data)
     return None if frame is None else _to_size(frame)
 
@@ -71,6 +75,6 @@ def _to_size(frame: Frame) -> Frame:
 
 
 def encode_frame(frame: Frame) -> bytes:
-    """A 160x320x3 uint8 RGB frame as the JPEG that the simulator sends and records (quality 75, Unity's own)."""
-    blue_first = cv2.cvtColor(frame, cv2.COLOR_RGB2BGR)  # ten times as fast as NumPy
+    """Encode a 160x320x3 uint8 RGB frame as the simulator does: JPEG of quality 75, Unity's default."""
+    blue_first = cv2.cvtColor(frame, cv2.COLOR_RGB2BGR)  # ten times as fast as with NumPy
     return cv2.imencode(".jpg", blue_first, [cv2.IMWRITE_JPEG_QUALITY, 75])[1].tobytes()

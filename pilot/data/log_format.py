@@ -1,8 +1,8 @@
-"""The text of a driving_log.csv, of any version of the simulator, taken apart line by line.
+"""Parsing and writing of driving_log.csv, as written by any version of the simulator.
 
-What is known about a line: first the names of up to three pictures, then numbers. Everything else
-varies: header, separators, absolute paths of other machines (with commas in them), columns that a
-spreadsheet added, and decimal commas that cut one number into two fields.
+A line contains the names of up to three images, followed by numbers. Everything else varies: header, separators,
+absolute paths of other computers (which may contain commas), columns added by a spreadsheet, and decimal commas that
+split a number into two fields.
 """
 
 import csv
@@ -19,9 +19,9 @@ LOG_NAME = "driving_log.csv"
 NUMBERS = ("steering", "throttle", "brake", "speed")
 STEERING_NAMES = {"steering_angle": "steering", "angle": "steering", "steer": "steering"}
 
-# Plausible values, by which a decimal comma is told from a separator.
+# Plausible values, used to distinguish decimal commas from separators.
 RANGES = {"steering": (-1.0, 1.0), "throttle": (0.0, 1.0), "brake": (0.0, 1.0), "speed": (0.0, PLAUSIBLE_SPEED_MPH)}
-# How much each value may change from row to row before it counts as a jump.
+# Divisors that make the changes of the values from row to row comparable.
 SCALES = {"steering": 1.0, "throttle": 1.0, "brake": 1.0, "speed": 3.0}
 
 TIME_STAMP = re.compile(r"(\d{4})_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d{3})")
@@ -31,7 +31,14 @@ WHOLE_NUMBER = re.compile(r"-?\d+(E[+-]?\d+)?", re.IGNORECASE)
 
 @dataclass
 class LogLine:
-    """One line of a log: picture names by camera, and numbers by name (only those it holds)."""
+    """One line of a log.
+
+    Attributes:
+        number: of the line in the file, from 1.
+        images: file names by camera; only those that the line contains.
+        values: numbers as text, by name; only those that the line contains.
+        fields: all fields after the images.
+    """
 
     number: int
     images: dict[str, str] = field(default_factory=dict)
@@ -40,10 +47,13 @@ class LogLine:
 
 
 def parse_log(text: str) -> Iterator[LogLine]:
-    """Take the text of a driving_log.csv apart.
+    """Parse the text of a driving_log.csv.
+
+    Yields:
+        the lines, except the header and those without content.
 
     Raises:
-        ValueError: the header names no steering column.
+        ValueError: the header has no steering column after the images.
     """
     records = list(_split(text))
     columns = list(NUMBERS)
@@ -61,19 +71,19 @@ def parse_log(text: str) -> Iterator[LogLine]:
 
 
 def _split(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Numbered records of stripped fields, empty lines left out."""
+    """Yield the line number and the stripped fields of each non-empty line."""
     sample = text[:2000]
     separator = next((mark for mark in ";\t" if sample.count(mark) > sample.count(",")), ",")
     for number, line in enumerate(text.replace("\0", "").splitlines(), start=1):
         record = [part.strip() for part in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
-        if separator != "," or '"' in line:  # then a comma inside a field is a decimal comma
+        if separator != "," or '"' in line:  # here, a comma within a field is a decimal comma
             record = [re.sub(r"^(-?\d+),(\d+)", r"\1.\2", part) for part in record]
         if any(record):
             yield number, record
 
 
 def _header(record: Sequence[str]) -> list[str]:
-    """Names of the columns after the pictures if this record is a header, else nothing."""
+    """Return the names of the columns after the images if the record is a header, else an empty list."""
     names = [STEERING_NAMES.get(name.lower(), name.lower()) for name in record]
     if not set(names) & {*CAMERAS, *NUMBERS} or any(IMAGE_NAME.search(name) for name in names):
         return []
@@ -92,7 +102,7 @@ def _parse_record(number: int, record: Sequence[str]) -> LogLine:
             rest = index + 1
         elif line.images and _is_number(part):
             break
-    blanks = len(CAMERAS) - len(line.images)  # cells of cameras that this log does not have
+    blanks = len(CAMERAS) - len(line.images)  # empty cells of cameras missing in this log
     while line.images and blanks and rest < len(record) and not record[rest]:
         rest, blanks = rest + 1, blanks - 1
     line.fields = list(record[rest:])
@@ -113,7 +123,7 @@ def _is_number(text: str) -> bool:
 
 
 def time_of(name: str) -> float:
-    """Seconds (of an arbitrary day zero) in a picture's name, `..._2016_12_01_13_30_48_287.jpg`; NaN if none."""
+    """Return the time in an image's name, `..._2016_12_01_13_30_48_287.jpg`, in seconds since 1970; NaN if none."""
     stamp = TIME_STAMP.search(name)
     if stamp is None:
         return math.nan
@@ -128,20 +138,20 @@ def time_of(name: str) -> float:
 
 
 def time_stamp(moment: datetime) -> str:
-    """The time in a picture's name, to the millisecond: `2016_12_01_13_30_48_287`; `time_of` reads it."""
+    """Format a time for an image's name, `2016_12_01_13_30_48_287` (milliseconds last); `time_of` parses it."""
     return f"{moment:%Y_%m_%d_%H_%M_%S}_{moment.microsecond // 1000:03d}"
 
 
 def format_line(images: Sequence[str], steering: float, throttle: float, speed: float) -> str:
-    """A line of the log, with its end.
+    """Format a line of the log, including the line break.
 
     Args:
-        images: names or paths of the centre, left and right picture; "" for one that there is not.
+        images: names or paths of the centre, left and right images; "" for a missing one.
         steering: -1..1.
-        throttle: -1..1; a negative one is written as brake.
-        speed: mph.
+        throttle: -1..1; negative values are written as brake.
+        speed: mph; its absolute value is written.
     """
-    values = (steering, max(0.0, throttle), max(0.0, -throttle), abs(speed))  # in this order: never -0
+    values = (steering, max(0.0, throttle), max(0.0, -throttle), abs(speed))  # max in this order never gives -0
     return ",".join([*images, *(f"{value:.7g}" for value in values)]) + "\n"
 
 
@@ -149,7 +159,7 @@ def format_line(images: Sequence[str], steering: float, throttle: float, speed: 
 
 
 def _has_decimal_commas(lines: Sequence[LogLine], columns: int) -> bool:
-    """Whether numbers were cut in two: never a point, and a row that holds more numbers than columns."""
+    """Return whether commas split numbers: there are no decimal points, and a row has more numbers than columns."""
     runs = [_whole_numbers(line.fields) for line in lines]
     pointed = any(re.match(r"-?\d*\.\d", part) for line in lines for part in line.fields[:columns])
     return not pointed and any(len(run) > columns for run in runs)
@@ -160,7 +170,7 @@ def _whole_numbers(fields: Sequence[str]) -> list[str]:
 
 
 def _join_decimal_commas(lines: Sequence[LogLine], columns: Sequence[str]) -> None:
-    """Give every line the reading in which the values change least from row to row (Viterbi)."""
+    """Choose the reading of each line so that values change least from row to row (Viterbi algorithm)."""
     readable = [(line, readings) for line in lines if (readings := _readings(line.fields, columns))]
     if not readable:
         return
@@ -176,7 +186,7 @@ def _join_decimal_commas(lines: Sequence[LogLine], columns: Sequence[str]) -> No
 
 
 def _readings(fields: Sequence[str], columns: Sequence[str]) -> list[dict[str, str]]:
-    """All plausible ways to join whole numbers into one value a column."""
+    """Return all plausible ways to join whole numbers into one value per column."""
     parts = _whole_numbers(fields)
     fractions = len(parts) - len(columns)
     readings = []
@@ -193,7 +203,7 @@ def _readings(fields: Sequence[str], columns: Sequence[str]) -> list[dict[str, s
 
 
 def _plausible(name: str, value: str) -> bool:
-    """Whether the simulator would write this: in range, no '1.0', '-0', '0.-5' or '012'."""
+    """Return whether the simulator could have written a value: in range, and not '1.0', '-0', '0.-5' or '012'."""
     written = re.fullmatch(r"-?(0|[1-9]\d*)(\.\d*[1-9]|(\.\d+)?E[+-]?\d+)?", value, re.IGNORECASE)
     low, high = RANGES.get(name, (float("-inf"), float("inf")))
     return written is not None and value != "-0" and low <= float(value) <= high

@@ -1,4 +1,4 @@
-"""Writes recordings as the real simulator does: three cameras' pictures and driving_log.csv."""
+"""Writing of recordings as the Unity simulator does: the images of three cameras and driving_log.csv."""
 
 import math
 from datetime import datetime, timedelta
@@ -9,25 +9,25 @@ from pilot.data.frames import encode_frame
 from pilot.data.log_format import LOG_NAME, format_line, time_stamp
 from pilot.vehicle import CAMERAS, TICK
 
-RECORDING_RATE = 15.0  # rows a second that the real simulator records
+RECORDING_RATE = 15.0  # rows per second, as the Unity simulator records
 
 
 class RecordingWriter:
-    """Appends to a recording: pictures of three cameras and lines of driving_log.csv.
+    """Appends rows to a recording: images of three cameras and lines of driving_log.csv.
 
     Attributes:
-        rows: lines written so far.
+        rows: number of rows written so far.
     """
 
     def __init__(self, folder: Path, listed_as: Path | None = None) -> None:
-        """Open the recording; one that is already there goes on.
+        """Open a recording; rows are appended to an existing one.
 
         Args:
-            folder: it lies in; made if need be.
-            listed_as: folder that the log names as the pictures' place, where this one is to be moved there.
+            folder: of the recording; created if necessary.
+            listed_as: folder to which the recording will be moved, used for the paths in the log; None: `folder`.
 
         Raises:
-            OSError: the folder cannot be written to.
+            OSError: the folder cannot be created or written to.
         """
         self.folder, self.listed_as = folder, (listed_as or folder).resolve()
         self.start = datetime.now()
@@ -36,11 +36,11 @@ class RecordingWriter:
         self._log = (self.folder / LOG_NAME).open("a", encoding="utf-8", newline="")
 
     def write(self, frames: dict[str, Frame], seconds: float, command: tuple[float, float], speed: float) -> None:
-        """Add a moment.
+        """Write the row of one time step.
 
         Args:
-            frames: of the three cameras, 160x320x3 uint8 RGB.
-            seconds: since the start.
+            frames: of the three cameras, by name: 160x320x3, uint8 RGB.
+            seconds: since the recording was opened; determines the time in the images' names.
             command: steering and throttle, -1..1 each; a negative throttle is written as brake.
             speed: mph.
         """
@@ -61,6 +61,6 @@ class RecordingWriter:
 
 
 def is_due(tick: int, rate: float) -> bool:
-    """Whether a row is to be written at a tick of a recording (its first is 0), at `rate` rows a second."""
+    """Return whether a row is due at a tick (of 20 ms, from 0) of a recording with `rate` rows per second."""
     ticks = round(1 / TICK)
     return math.floor(tick * rate / ticks) != math.floor((tick - 1) * rate / ticks)

@@ -1,9 +1,8 @@
-"""Rows → samples: cameras, leak-free split, label smoothing, balance.
+"""Rows to samples: split without leakage, label smoothing, side cameras, balancing, copies.
 
-A sample is a picture with the steering that a network shall learn for it. Samples are a table with
-the columns: image (path), camera, steering (label), recorded (what the driver did, of the moment's
-centre picture), moment (number), recording, time (s), speed (mph), weight (in the loss, mean 1),
-flip and rotation (degrees): an augmentation that is the sample's own, for copies made once.
+A sample is an image with its label. A table of samples has the columns: image (path), camera, steering (the label),
+recorded (the recorded steering), moment (number of the time step), recording, time (s), speed (mph), weight (in the
+loss, mean 1), flip and rotation (degrees; fixed augmentations of copies that are made once).
 """
 
 import math
@@ -20,59 +19,64 @@ from pilot.vehicle import CAMERAS
 
 Generator = np.random.Generator
 
-SHORTEST_BLOCK = 0.1  # seconds; blocks of a short recording are shortened until there are enough to choose from
-SPIKE_FACTOR = 0.85  # report 004: no spike above this share of the largest ordinary value's count
-SPIKE_WIDTH = 0.01  # steering values closer than this count as one value
-SPIKE_SHARE = 0.05  # a value is a spike when more than this share of all samples has it
+SHORTEST_BLOCK = 0.1  # seconds; blocks of short recordings are shortened, down to this, until there are enough of them
+SPIKE_FACTOR = 0.85  # report 004: mean count of the reduced spikes, relative to the most frequent ordinary value
+SPIKE_WIDTH = 0.01  # width of the bins in which steering values count as equal
+SPIKE_SHARE = 0.05  # a value is a spike if it has more than this share of all samples
 
 
 @dataclass(frozen=True)
 class SampleConfig:
-    """Which samples are made of the rows."""
+    """How rows become samples."""
 
     cameras: Literal["all", "center"] = "all"
-    """Pictures of all three cameras, or of the middle one only."""
+    """Use the images of all three cameras, or of the centre camera only."""
     side_rule: Literal["constant", "geometric"] = "constant"
-    """Steering of the side cameras' pictures: a constant correction, or report 004's arctan(tan(a) +- 1/4)."""
+    """Labels of the side cameras' images: a constant correction, or report 004's arctan(tan(steering) +- 1/4)."""
     side_correction: float = 0.2
-    """The constant correction: added for the left camera, taken off for the right one (-1..1)."""
+    """For side-rule=constant: added to the steering for the left camera, subtracted for the right one (-1..1)."""
     smooth_seconds: float = 0.0
-    """Average the recorded steering over this time (for keyboard drivers, who steer in jerks); 0: as recorded."""
+    """Seconds over which the recorded steering is averaged (for jerky keyboard driving); 0: not averaged."""
     balance: Literal["none", "drop-zeros", "spikes", "cap", "weight"] = "none"
-    """How an excess of equal steering (mostly 0) is evened out: see docs/training.md."""
+    """Method of balancing the steering histogram, in which 0 is usually too frequent: see docs/training.md."""
     drop_zeros: float = 0.9
-    """For balance=drop-zeros: share of the moments with zero steering to drop."""
+    """For balance=drop-zeros: share (0..1) of the time steps with zero steering to drop."""
     bins: int = 25
-    """For balance=cap and weight: bins of the steering histogram over -1..1."""
+    """For balance=cap and weight: number of bins of the steering histogram over -1..1."""
     cap: float = 2.0
-    """For balance=cap: no bin may hold more than this many times the mean of the filled bins."""
+    """For balance=cap: largest count of a bin, as a multiple of the mean count of the non-empty bins."""
     split: Literal["blocks", "recordings", "moments"] = "blocks"
-    """Validation by contiguous blocks of time (neighbouring frames are near copies), by whole recordings (is it
-    good on a drive it has not seen?), or by single moments, as the students did."""
+    """Units of the train/validation split: contiguous blocks of time (because neighbouring frames are near
+    duplicates), whole recordings (to validate on unseen ones), or single time steps as in the students' reports."""
     validation_share: float = 0.2
-    """Share of the moments kept for validation."""
+    """Share (0..1) of the time steps used for validation; of the recordings, for split=recordings."""
     block_seconds: float = 10.0
-    """For split=blocks: length of a block."""
+    """For split=blocks: length of a block in seconds."""
     first_part: float = 1.0
-    """Learn only from this first share of each recording; to replay the rest: evaluate.py --last-part."""
+    """Use only this first share (0..1) of each recording; evaluate.py --last-part replays the rest."""
     min_speed: float = 1.0
-    """Leave out moments slower than this (mph): a parked car's steering teaches nothing."""
+    """Leave out time steps slower than this (mph), such as those of a parked car."""
     flipped_copies: bool = False
-    """Add a mirrored copy of every training picture (instead of mirroring at random)."""
+    """Add a mirrored copy of each training image (an alternative to random mirroring)."""
     rotated_copies: int = 0
-    """Add this many copies of every training picture, each turned by an angle drawn once."""
+    """Number of copies to add of each training image, each rotated by a random angle that is drawn once."""
     rotation_range: float = 45.0
-    """For rotated copies: angles are drawn from -range..range degrees."""
+    """For rotated copies: largest rotation in degrees, in either direction."""
 
 
 def make_samples(rows: pd.DataFrame, config: SampleConfig, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Turn the rows of a driving log into samples for training and for validation.
+    """Turn the rows of driving logs into training samples and validation samples.
 
-    Everything taken at one moment is on one side. Validation holds the centre pictures with the
-    steering as it was recorded; only balance=spikes balances it too, as report 004 does.
+    All images of one time step are in the same set. The validation set contains the centre images with the recorded
+    steering; it is balanced only by balance=spikes, as in report 004.
+
+    Args:
+        rows: as in `DrivingLog.rows`.
+        config: how they become samples.
+        seed: of the split, the balancing and the copies.
 
     Raises:
-        ValueError: too few rows for a training and a validation set.
+        ValueError: there are too few rows, or recordings, for a training and a validation set.
     """
     rng = np.random.default_rng(seed)
     rows = part_of_each(rows, 0, config.first_part)
@@ -93,11 +97,11 @@ def make_samples(rows: pd.DataFrame, config: SampleConfig, seed: int) -> tuple[p
 
 
 def split_rows(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.Series[bool]":
-    """True for the rows of the validation set; about `validation_share` of them.
+    """Mark the rows of the validation set, about `validation_share` of them.
 
-    With split=blocks every recording is cut into blocks of time, and of each handful of neighbouring
-    blocks one is drawn, so that validation comes from all parts of the drive. With split=recordings the
-    share is that of the recordings, of however many rows they are.
+    With split=blocks, each recording is cut into blocks of time, and one of every 1 / `validation_share` consecutive
+    blocks is drawn, so that the validation set covers the whole recording. With split=recordings, `validation_share` is
+    the share of the recordings, whatever their numbers of rows.
 
     Raises:
         ValueError: one of the two sets would be empty.
@@ -127,7 +131,7 @@ def _validation_blocks(rows: pd.DataFrame, config: SampleConfig, rng: Generator)
 
 
 def _validation_groups(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.Series[bool]":
-    from sklearn.model_selection import GroupShuffleSplit  # noqa: PLC0415 - takes a second, and is seldom wanted
+    from sklearn.model_selection import GroupShuffleSplit  # noqa: PLC0415 - takes a second and is seldom needed
 
     groups = rows["recording"] if config.split == "recordings" else rows.index.to_series()
     if config.split == "recordings" and groups.nunique() == 1:
@@ -141,7 +145,7 @@ def _validation_groups(rows: pd.DataFrame, config: SampleConfig, rng: Generator)
 
 
 def block_numbers(rows: pd.DataFrame, seconds: float) -> "pd.Series[int]":
-    """Number of the block of time (one recording, one stretch without a gap) that each row is in."""
+    """Return the number of each row's block: up to `seconds` of one segment."""
     segment = segment_numbers(rows)
     since_start = rows["time"] - rows.groupby(segment)["time"].transform("min")
     return pd.Series(pd.MultiIndex.from_arrays([segment, since_start // seconds]).factorize()[0], index=rows.index)
@@ -151,7 +155,7 @@ def block_numbers(rows: pd.DataFrame, seconds: float) -> "pd.Series[int]":
 
 
 def smooth_steering(rows: pd.DataFrame, seconds: float) -> "pd.Series[float]":
-    """Centred moving average of the recorded steering over a time, never across a gap or two recordings."""
+    """Return the centred moving average of the recorded steering over a time, within each segment."""
     if seconds <= 0 or rows.empty:
         return rows["steering"]
     parts = [_moving_average(segment, seconds) for _, segment in rows.groupby(segment_numbers(rows))]
@@ -167,12 +171,12 @@ def _moving_average(segment: pd.DataFrame, seconds: float) -> Floats:
 
 
 def side_steering(steering: float, camera: str, config: SampleConfig) -> float:
-    """The steering (-1..1) to learn for a camera's picture, when the driver steered `steering`.
+    """Return the label of a camera's image for the driver's steering (-1..1).
 
-    The left camera sees what a car too far left would see, so its picture asks for more right.
-    The geometric rule is report 004's: bring the camera, 1 m aside, back to the middle 4 m ahead. It
-    takes the number -1..1 for an angle in radians, as the report does: its histogram has its spikes at
-    +-0.245 = arctan(1/4). (By the car's true scale of 25 degrees that would be +-0.56, too strong.)
+    The left camera sees what the centre camera of a car too far left would see, so its label is further right. The
+    geometric rule is that of report 004: a camera 1 m to the side returns to the middle within 4 m. Like the report, it
+    takes the steering for an angle in radians: the report's histogram has spikes at +-0.245 = arctan(1/4). (With the
+    car's true scale, 25 degrees at 1, they would be at +-0.56, which is too strong.)
     """
     sign = {"center": 0.0, "left": 1.0, "right": -1.0}[camera]
     if config.side_rule == "geometric":
@@ -181,7 +185,7 @@ def side_steering(steering: float, camera: str, config: SampleConfig) -> float:
 
 
 def camera_samples(moments: pd.DataFrame, config: SampleConfig) -> pd.DataFrame:
-    """One sample for every picture of the moments, with its camera's steering."""
+    """Return one sample for each image of the time steps, with the label for its camera."""
     cameras = CAMERAS if config.cameras == "all" else CAMERAS[:1]
     parts = []
     for camera in cameras:
@@ -193,11 +197,11 @@ def camera_samples(moments: pd.DataFrame, config: SampleConfig) -> pd.DataFrame:
     return samples.assign(weight=1.0, flip=False, rotation=0.0)
 
 
-# Balance
+# Balancing
 
 
 def balance(samples: pd.DataFrame, config: SampleConfig, rng: Generator) -> pd.DataFrame:
-    """Even out the steering histogram of training samples as `config.balance` says."""
+    """Balance training samples by the method `config.balance`."""
     if config.balance == "spikes":
         return drop_spikes(samples, rng)
     if config.balance == "cap":
@@ -208,14 +212,14 @@ def balance(samples: pd.DataFrame, config: SampleConfig, rng: Generator) -> pd.D
 
 
 def _surplus_zeros(steering: "pd.Series[float]", share: float, rng: Generator) -> "pd.Series[bool]":
-    """Report 002: mark a share of the moments whose steering is exactly zero."""
+    """Mark a random share (0..1) of the time steps whose steering is exactly zero (report 002)."""
     return (steering == 0) & (rng.random(len(steering)) < share)
 
 
 def drop_spikes(samples: pd.DataFrame, rng: Generator) -> pd.DataFrame:
-    """Report 004: take out the over-represented steering values and mix only a sample of them back in.
+    """Reduce over-represented steering values, the spikes, to a random subset of their samples (report 004).
 
-    Together the spikes come back as 0.85 x their number x the count of the most frequent ordinary value.
+    The subset's size is 0.85 x the number of spikes x the count of the most frequent ordinary value.
     """
     values = (samples["steering"] / SPIKE_WIDTH).round()
     counts = values.value_counts()
@@ -230,7 +234,7 @@ def drop_spikes(samples: pd.DataFrame, rng: Generator) -> pd.DataFrame:
 
 
 def cap_histogram(samples: pd.DataFrame, bins: int, cap: float, rng: Generator) -> pd.DataFrame:
-    """Drop samples at random until no bin holds more than `cap` times the mean of the filled bins."""
+    """Drop random samples until no bin holds more than `cap` times the mean count of the non-empty bins."""
     shuffled = samples.iloc[rng.permutation(len(samples))]
     bin_of = _bins(shuffled["steering"], bins)
     limit = max(int(cap * bin_of.value_counts().mean()), 1)
@@ -239,7 +243,7 @@ def cap_histogram(samples: pd.DataFrame, bins: int, cap: float, rng: Generator) 
 
 
 def weigh(samples: pd.DataFrame, bins: int) -> pd.DataFrame:
-    """Weigh each sample by one over the root of its bin's count: rare steering counts more, mean 1."""
+    """Weight each sample by one over the square root of its bin's count, normalised to a mean of 1."""
     bin_of = _bins(samples["steering"], bins)
     weight = 1 / np.sqrt(bin_of.map(bin_of.value_counts()))
     return samples.assign(weight=weight / weight.mean())
@@ -253,9 +257,9 @@ def _bins(steering: "pd.Series[float]", bins: int) -> "pd.Series[int]":
 
 
 def add_copies(samples: pd.DataFrame, config: SampleConfig, rng: Generator) -> pd.DataFrame:
-    """Reports 000 and 002: mirrored and rotated copies of every training picture, made once.
+    """Add mirrored and rotated copies of each sample, drawn once for the whole training (reports 000 and 002).
 
-    A copy is a row that says how its picture is changed; the label is changed with the picture.
+    A copy is a row whose `flip` and `rotation` describe the change; the label is changed when the image is loaded.
     """
     if config.flipped_copies:
         samples = pd.concat([samples, samples.assign(flip=True)], ignore_index=True)

@@ -1,18 +1,18 @@
-"""Where a driving log breaks off: a segment is what was driven in one go."""
+"""Segments of driving logs: consecutive rows of one recording without a pause."""
 
 from typing import Any
 
 import pandas as pd
 
-LONGEST_GAP = 1.0  # seconds; rows further apart than this are not of one drive
+LONGEST_GAP = 1.0  # seconds; a longer pause between two rows separates segments
 
 
 def breaks(rows: pd.DataFrame) -> "pd.Series[bool]":
-    """True for each row that does not follow the one before it: another recording, a pause, or time runs back."""
+    """Mark the rows that begin a new segment: after a pause, in another recording, or where time runs backwards."""
     step = rows["time"].diff()
     return (step > LONGEST_GAP) | (step < 0) | (rows["recording"].diff() != 0)
 
 
 def segment_numbers(rows: pd.DataFrame) -> "pd.Series[Any]":
-    """Number of the segment that each row is in."""
+    """Return the number of each row's segment."""
     return breaks(rows).cumsum()

@@ -1,4 +1,4 @@
-"""How a recorded frame is seen: a homography of its pixels, and the steering that goes with what is then seen."""
+"""Views of recorded frames: a homography of the pixels, with the label that corresponds to it."""
 
 from dataclasses import dataclass, field
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pilot.arrays import Floats, Frame, Matrix
 from pilot.vehicle import COLUMNS
 
-# Report 004's crops in the mean: its networks look at these rows (40 % cut off above, 12.5 % below).
+# Rows that report 004's networks use: the mean of its random crops (40 % of the height at the top, 12.5 % below).
 CROP_TOP, CROP_BOTTOM = 64, 140
 IDENTITY: Matrix = np.eye(3)
 MIRROR: Matrix = np.array([[-1.0, 0, COLUMNS - 1], [0, 1, 0], [0, 0, 1]])
@@ -17,50 +17,50 @@ MIRROR: Matrix = np.array([[-1.0, 0, COLUMNS - 1], [0, 1, 0], [0, 0, 1]])
 
 @dataclass(frozen=True)
 class View:
-    """How a frame is seen, or n frames are.
+    """The view of one frame, or of n frames.
 
     Attributes:
-        steering: to learn (-1..1): a number, or n.
-        homography: from the recorded frame's pixels to those seen: 3x3, or n x 3 x 3.
+        steering: the label (-1..1): a number, or an array of n.
+        homography: from the recorded frame's pixels to those of the view: 3x3, or n x 3 x 3.
     """
 
     steering: float | Floats
     homography: Matrix = field(default_factory=lambda: IDENTITY)
 
     def transformed(self, homography: Matrix, steering: float | Floats) -> "View":
-        """This view after one more homography, with a new label."""
+        """Return the view after another homography, with a new label."""
         return View(steering, homography @ self.homography)
 
     def where(self, chosen: NDArray[np.bool_], other: "View") -> "View":
-        """This view of the chosen frames, another one of the rest."""
+        """Return these views where `chosen` (n booleans) is true, and those of `other` elsewhere."""
         homography = np.where(chosen[:, None, None], self.homography, other.homography)
         return View(np.where(chosen, self.steering, other.steering), homography)
 
 
 def render(frame: Frame, homography: Matrix, rows: tuple[int, int], first_row: int = 0) -> Frame:
-    """The rows `rows[0]..rows[1]-1` of a 160x320x3 frame as a view shows it: a copy, same width.
+    """Render rows of a view: (rows[1] - rows[0]) x 320 x 3, uint8 RGB; always a copy.
 
     Args:
-        frame: the frame, or its rows from `first_row` on, of which `rows_needed` says how many are enough.
-        homography: 3x3, the view's.
-        rows: of the whole frame.
-        first_row: of the whole frame.
+        frame: 160x320x3, uint8 RGB, or the range of its rows given by `rows_needed`.
+        homography: of the view, 3x3.
+        rows: first row to render, and the one after the last, counted in the whole frame.
+        first_row: row of the whole frame with which `frame` begins.
     """
     top, bottom = rows
     if np.array_equal(homography, IDENTITY):
         return frame[top - first_row : bottom - first_row].copy()
-    if np.array_equal(homography, MIRROR):  # the most frequent one, without a warp
+    if np.array_equal(homography, MIRROR):  # the most frequent homography, faster without a warp
         return np.asarray(cv2.flip(frame[top - first_row : bottom - first_row], 1), np.uint8)
     size = (COLUMNS, bottom - top)
     matrix = from_rows(homography, first_row, top)
-    if np.array_equal(matrix[2], [0, 0, 1]):  # the same pixels, a little faster
+    if np.array_equal(matrix[2], [0, 0, 1]):  # a little faster than the perspective warp
         return np.asarray(cv2.warpAffine(frame, matrix[:2], size), np.uint8)
-    # a black corner would tell the network how far the viewpoint was shifted, so the border is continued
+    # the border is replicated, because black corners would reveal to the network how far the viewpoint was shifted
     return np.asarray(cv2.warpPerspective(frame, matrix, size, borderMode=cv2.BORDER_REPLICATE), np.uint8)
 
 
 def from_rows(homographies: Matrix, first_row: int, top: int) -> Matrix:
-    """Homographies of whole frames as such from pictures that begin at `first_row` to ones that begin at `top`."""
+    """Convert whole frames' homographies to map from images that begin at `first_row` to ones that begin at `top`."""
     lift, lower = np.eye(3), np.eye(3)
     lift[1, 2], lower[1, 2] = -top, first_row
     return np.asarray(lift @ homographies @ lower)

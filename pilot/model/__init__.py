@@ -1,1 +1,1 @@
-"""The networks, their file model.pt, and what they look at."""
+"""Networks, the model file model.pt, inference, and saliency."""

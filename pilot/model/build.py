@@ -1,4 +1,4 @@
-"""Networks by name, ready to be trained or to be loaded with weights."""
+"""Construction and initialisation of networks by name."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,11 @@ from pilot.model.steering_network import SteeringNetwork
 
 
 def build_network(name: str, seed: int | None = None) -> SteeringNetwork:
-    """A network by its name, freshly initialised as Keras would (Glorot uniform, biases zero).
+    """Build a network, initialised as in Keras (Glorot uniform weights, zero biases).
+
+    Args:
+        name: one of `network_names()`.
+        seed: of the initialisation; None: PyTorch's global random generator is used.
 
     Raises:
         ValueError: there is no network of this name.
@@ -20,7 +24,7 @@ def build_network(name: str, seed: int | None = None) -> SteeringNetwork:
             torch.manual_seed(seed)
         network = network_class(name)()
         network.apply(_initialise)
-    # channels-last convolutions are about twice as fast on a CPU, and frames come that way anyhow
+    # channels-last convolutions are about twice as fast on a CPU, and frames already have this layout
     return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]
 
 
@@ -32,6 +36,6 @@ def _initialise(layer: nn.Module) -> None:
 
 
 def count_parameters(network: nn.Module, kinds: Sequence[type[nn.Module]] = (nn.Module,)) -> int:
-    """Trainable parameters of a network, or of its layers of some kinds."""
+    """Count the parameters of a network, or of its layers of the given kinds; shared ones are counted once."""
     layers = [layer for layer in network.modules() if isinstance(layer, tuple(kinds))]
     return sum({id(p): p.numel() for layer in layers for p in layer.parameters()}.values())

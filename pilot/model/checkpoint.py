@@ -1,7 +1,7 @@
-"""model.pt: a network's name and weights, how it was trained and how good it is; safe to load.
+"""The model file model.pt: a network's name and weights, training options, data summary and validation metrics.
 
-The file holds only tensors, numbers, texts, lists and dictionaries, and is read with
-`weights_only=True`: loading a stranger's model runs no code of his.
+The file contains only tensors, numbers, strings, lists and dictionaries and is loaded with `weights_only=True`, so that
+a model from an untrusted source cannot execute code.
 """
 
 import dataclasses
@@ -23,19 +23,19 @@ FORMAT, VERSION = "behavioral-cloning steering model", 1
 
 
 class UnusableModel(ValueError):
-    """The file is no model of ours; the message says what it is and what to do."""
+    """The model or state cannot be used; the message says why and what to do."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """A trained network and what is known about it.
+    """A trained network with its options and metrics.
 
     Attributes:
-        name: the network's name.
+        name: of the network.
         network: in evaluation mode, on the CPU.
-        config: the training's options, as plain values.
-        data: summary of the data it was trained on.
-        metrics: validation figures of the epoch that was kept.
+        config: the training options, as plain values.
+        data: summary of the training data.
+        metrics: validation metrics of the selected epoch.
     """
 
     name: str
@@ -46,7 +46,11 @@ class Model:
 
 
 def save_model(path: Path, model: Model) -> None:
-    """Write a model file, whole or not at all."""
+    """Write a model file atomically.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
     content = {
         "format": FORMAT,
         "version": VERSION,
@@ -60,10 +64,10 @@ def save_model(path: Path, model: Model) -> None:
 
 
 def load_model(path: Path) -> Model:
-    """Read a model file without running anything from it.
+    """Load a model file without executing any code from it.
 
     Raises:
-        UnusableModel: the file is missing, damaged, or no model of this program.
+        UnusableModel: the file is missing, damaged, or not a model of this program.
     """
     content = load_values(path, "train one with: python model.py")
     if not isinstance(content, dict) or content.get("format") != FORMAT:
@@ -79,15 +83,19 @@ def load_model(path: Path) -> Model:
 
 
 def load_values(path: Path, cure: str) -> Any:
-    """Read a file of tensors and plain values.
+    """Load a file of tensors and plain values.
+
+    Args:
+        path: of a file written with `torch.save`.
+        cure: what the user can do if the file cannot be used; appended to the error message.
 
     Raises:
-        UnusableModel: the file is missing, damaged, or wants to run code.
+        UnusableModel: the file is missing or damaged, or loading it would execute code.
     """
     if not path.is_file():
         raise UnusableModel(f"{path}: no such file; {cure}")
     try:
-        if not zipfile.is_zipfile(path):  # what torch.save writes; older pickles are not even looked into
+        if not zipfile.is_zipfile(path):  # the format of torch.save; legacy pickle files are never opened
             raise ValueError("not a zip file")
         return torch.load(path, map_location="cpu", weights_only=True)
     except (pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError, OSError) as error:
@@ -95,7 +103,7 @@ def load_values(path: Path, cure: str) -> Any:
 
 
 def to_jsonable(value: Any) -> Any:
-    """A value with dataclasses, paths and tuples turned into what JSON knows."""
+    """Convert dataclasses, paths and tuples in a value to JSON types."""
     return json.loads(json.dumps(value, default=_jsonable))
 
 

@@ -1,8 +1,8 @@
-"""A trained network as fast as PyTorch runs it on a CPU, for driving.
+"""Fast CPU inference of a trained network, for driving.
 
-What costs time in a small network beside its arithmetic goes here: weights that are read for nothing (dense layers in a
-row), a normalisation of colours that the first convolution can do as well, and Python's own calls (a module looks up
-its weights and hooks by name each time it is called).
+In a small network, overhead takes much of the time. It is removed by merging consecutive dense layers (fewer weights to
+read), by folding the normalisation of colours into the first convolution, and by calling the operations instead of the
+modules (which look up their weights and hooks by name at each call).
 """
 
 import copy
@@ -19,9 +19,12 @@ Operation = Callable[[Tensor], Tensor]
 
 
 def fast_forward(network: SteeringNetwork) -> Operation:
-    """The steering (N) of a network in evaluation mode for frames (N x 160 x 320 x 3, uint8 RGB), as fast as it goes.
+    """Return a fast forward function: frames (N x 160 x 320 x 3, uint8 RGB) to steering (N, float32).
 
-    The same but for rounding. Later changes of the network's weights do not show.
+    Its result equals the network's except for rounding.
+
+    Args:
+        network: in evaluation mode; later changes of its weights have no effect.
     """
     folded = fold_dense(network)
     if type(network).forward is not SteeringNetwork.forward or type(network.layers) is not nn.Sequential:
@@ -42,7 +45,7 @@ def fast_forward(network: SteeringNetwork) -> Operation:
 
 
 def _fold_colours(network: SteeringNetwork, first: nn.Module) -> nn.Conv2d | None:
-    """The first convolution with the normalisation in it; None where that is not one 3x3 matrix for every pixel."""
+    """Fold the normalisation into the first convolution; return None if it is not one affine map for all pixels."""
     if type(first) is not nn.Conv2d or first.padding != (0, 0) or first.groups != 1 or first.bias is None:
         return None
     if type(network).prepare is not SteeringNetwork.prepare:
@@ -65,7 +68,7 @@ def _fold_colours(network: SteeringNetwork, first: nn.Module) -> nn.Conv2d | Non
 
 
 def _operation(layer: nn.Module) -> Operation:
-    """What a layer does to its input, with as few steps of Python as possible."""
+    """Return a function equivalent to a layer, with as little Python overhead as possible."""
     if type(layer) is nn.Conv2d and layer.padding_mode == "zeros":
         bias = None if layer.bias is None else layer.bias.detach()
         return partial(
@@ -86,12 +89,12 @@ def _operation(layer: nn.Module) -> Operation:
 
 
 def fold_dense(network: SteeringNetwork) -> SteeringNetwork:
-    """A copy for driving: dense layers with nothing between them are one, as those of the reports are.
+    """Return a copy with consecutive dense layers merged, where nothing is between them as in the reports' networks.
 
-    The same steering but for rounding; `nvidia` then reads 2,112 weights for a frame instead of 2.6 million.
+    The steering is the same except for rounding; `nvidia` then reads 2,112 weights per frame instead of 2.6 million.
     """
     folded = copy.deepcopy(network)
-    if type(network.layers) is not nn.Sequential:  # its layers may be joined by a forward of its own
+    if type(network.layers) is not nn.Sequential:  # its `forward` may connect the layers differently
         return folded
     layers: list[nn.Module] = []
     for layer in folded.layers.children():

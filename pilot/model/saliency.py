@@ -1,4 +1,4 @@
-"""What the network looked at: VisualBackProp (Bojarski et al., arXiv 1611.05418)."""
+"""Saliency of image regions by VisualBackProp (Bojarski et al., arXiv 1611.05418)."""
 
 from typing import Any
 
@@ -17,16 +17,16 @@ SPATIAL = (nn.Conv2d, nn.MaxPool2d, nn.AvgPool2d)
 
 
 def saliency(network: SteeringNetwork, frame: Frame) -> NDArray[np.float32]:
-    """How much each pixel of a 160x320x3 uint8 RGB frame contributed: 160x320, 0..1.
+    """Return the contribution of each pixel of a 160x320x3 uint8 RGB frame: 160x320, 0..1.
 
-    The feature maps that enter each layer are averaged over their channels; from the last layer to
-    the first, the relevance found so far is spread back over what each unit has seen, and multiplied
-    with the average there. So a pixel counts where all layers agree that there is something.
+    The feature maps that enter each convolution or pooling layer are averaged over their channels. From the last layer
+    to the first, the relevance is spread over each unit's receptive field and multiplied by the average there, so that
+    a pixel counts if all layers are activated by it.
     """
     entering: list[tuple[nn.Module, Tensor]] = []
 
     def note(layer: nn.Module, inputs: tuple[Any, ...], _output: Tensor) -> None:
-        entering.append((layer, inputs[0].clone()))  # later layers may work in place
+        entering.append((layer, inputs[0].clone()))  # later layers may change it in place
 
     hooks = [layer.register_forward_hook(note) for layer in network.modules() if isinstance(layer, SPATIAL)]
     try:
@@ -40,22 +40,22 @@ def saliency(network: SteeringNetwork, frame: Frame) -> NDArray[np.float32]:
 
 
 def _spread_back(entering: list[tuple[nn.Module, Tensor]]) -> Tensor:
-    """Relevance (rows x columns) at the first layer's input."""
+    """Return the relevance (rows x columns) at the first layer's input."""
     relevance = torch.ones(())
     for number, (layer, maps) in reversed(list(enumerate(entering))):
         average = maps.relu().mean(1, keepdim=True)
         seen = average.shape[-2:]
         spread = relevance if relevance.dim() == 0 else _spread(layer, relevance, seen)
-        relevance = spread * average if number else spread  # the pixels themselves do not count
+        relevance = spread * average if number else spread  # the intensity of the pixels themselves does not count
         relevance = relevance / relevance.amax().clamp_min(1e-12)
     return relevance[0, 0] if relevance.dim() else torch.ones(1, 1)
 
 
 def _spread(layer: nn.Module, relevance: Tensor, size: torch.Size) -> Tensor:
-    """Spread relevance over the fields that the layer's units see: a transposed convolution with ones."""
+    """Spread relevance over the receptive fields of the layer's units by a transposed convolution with ones."""
     kernel, stride, padding = (_pair(getattr(layer, name)) for name in ("kernel_size", "stride", "padding"))
     spread = functional.conv_transpose2d(relevance, torch.ones(1, 1, *kernel), stride=stride, padding=padding)
-    missing = (size[0] - spread.shape[-2], size[1] - spread.shape[-1])  # rows that a stride left over
+    missing = (size[0] - spread.shape[-2], size[1] - spread.shape[-1])  # rows and columns omitted by the stride
     return functional.pad(spread, (0, missing[1], 0, missing[0]))
 
 
@@ -72,7 +72,7 @@ def _into_frame(relevance: Tensor, network: SteeringNetwork) -> NDArray[np.float
 
 
 def overlay(frame: Frame, relevance: NDArray[np.float32]) -> Frame:
-    """The frame with relevant pixels glowing green."""
+    """Return the frame (160x320x3, uint8 RGB) with relevant pixels (160x320, 0..1) highlighted in green."""
     glow = np.zeros_like(frame)
     glow[..., 1] = (255 * np.sqrt(relevance)).astype(np.uint8)
     return np.asarray(cv2.addWeighted(frame, 0.75, glow, 0.9, 0), np.uint8)

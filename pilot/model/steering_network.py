@@ -1,6 +1,6 @@
-"""What all networks have in common: raw frames in, steering out; and layers that several of them use.
+"""Base classes of the networks, from unmodified frames to steering, and layers that several of them use.
 
-Preprocessing is a network's first layer, so it travels with the weights: nobody who drives can get it wrong.
+Preprocessing is part of each network, so that training and driving always use the same.
 """
 
 import itertools
@@ -13,58 +13,63 @@ from pilot.data.view import CROP_BOTTOM, CROP_TOP
 
 
 class SteeringNetwork(nn.Module):
-    """Frames to steering: a crop of `rows` and `columns`, `resize`, `normalise`, then the subclass's `layers`.
+    """Base class: crops frames to `rows` and `columns`, applies `resize` and `normalise`, then the subclass's `layers`.
 
-    All cut off the sky and the bonnet, which would tell a network which of the three cameras it looks through.
+    All networks crop the sky and the bonnet, which would reveal which of the three cameras took the image.
+
+    Attributes:
+        rows: first frame row that the network uses, and the one after the last.
+        columns: the same for columns.
+        layers: maps the prepared images to N x 1; set by the subclass.
     """
 
-    rows: tuple[int, int] = (70, 135)  # the frame's rows that the network looks at
+    rows: tuple[int, int] = (70, 135)
     columns: tuple[int, int] = (0, 320)
     layers: nn.Module
 
     def forward(self, frames: Tensor) -> Tensor:
-        """Steering (N, float32, -1..1) for frames (N x 160 x 320 x 3, uint8 RGB)."""
+        """Compute the steering (N, float32) for frames (N x 160 x 320 x 3, uint8 RGB)."""
         steering: Tensor = self.layers(self.prepare(self.crop(frames)))
         return steering.squeeze(1)
 
     def crop(self, frames: Tensor) -> Tensor:
-        """The pixels that the network looks at: N x 3 x rows x columns, uint8."""
+        """Crop frames (N x 160 x 320 x 3) to N x 3 x rows x columns; the dtype is kept."""
         return frames[:, slice(*self.rows), slice(*self.columns)].permute(0, 3, 1, 2)
 
     def prepare(self, pixels: Tensor) -> Tensor:
-        """The first layer's input for N x 3 x rows x columns pixels (uint8)."""
+        """Resize and normalise cropped pixels (N x 3 x rows x columns, uint8) to the input of `layers` (float32)."""
         return self.normalise(self.resize(pixels))
 
     def resize(self, pixels: Tensor) -> Tensor:
-        """The picture in the size that the layers want, float32 0..255; here: as it is."""
+        """Resize cropped pixels (uint8) to the input size of `layers` (float32, 0..255); by default unchanged."""
         return pixels.float()
 
     def normalise(self, pixels: Tensor) -> Tensor:
-        """Values (float32 0..255, which may be changed in place) to the range that the layers want; here: -0.5..0.5."""
+        """Normalise pixels (float32, 0..255), possibly in place, to the range of `layers`; by default -0.5..0.5."""
         return pixels.div_(255).sub_(0.5)
 
 
 class Standardised(SteeringNetwork):
-    """Input of report 004's networks: scaled to 128x128, each picture with mean 0 and deviation 1.
+    """Base class of report 004's networks: images of 128x128, each standardised to mean 0 and standard deviation 1.
 
-    The report crops the height at random in training and does not say what it does in driving; here
-    the network looks at the rows that those crops have on average.
+    The report crops the height at random in training and does not specify the crop used in driving; these networks use
+    the mean of the random crops.
     """
 
     rows = (CROP_TOP, CROP_BOTTOM)
 
     def resize(self, pixels: Tensor) -> Tensor:
-        """128x128."""
+        """Resize to 128x128 (float32, 0..255)."""
         return functional.interpolate(pixels.float(), (128, 128), mode="bilinear", align_corners=False)
 
     def normalise(self, pixels: Tensor) -> Tensor:
-        """(x - mean) / max(deviation, 1 / root of the number of values), a picture at a time."""
+        """Compute (x - mean) / max(deviation, 1 / square root of the number of values) of each image."""
         deviation, mean = torch.std_mean(pixels, dim=(1, 2, 3), keepdim=True, correction=0)
         return (pixels - mean) / deviation.clamp_min((3 * 128 * 128) ** -0.5)
 
 
 def nvidia_convolutions() -> list[nn.Module]:
-    """NVIDIA's five convolutions (arXiv 1604.07316), each with a ReLU."""
+    """Return NVIDIA's five convolutions (arXiv 1604.07316), each followed by a ReLU."""
     shapes = [(3, 24, 5, 2), (24, 36, 5, 2), (36, 48, 5, 2), (48, 64, 3, 1), (64, 64, 3, 1)]
     layers: list[nn.Module] = []
     for channels, maps, size, stride in shapes:
@@ -73,13 +78,13 @@ def nvidia_convolutions() -> list[nn.Module]:
 
 
 def pooled(channels: int, maps: int, size: int, activation: type[nn.Module] | None = None) -> list[nn.Module]:
-    """A convolution of `size` x `size`, an activation if one is given, and max-pooling by 2."""
+    """Return a `size` x `size` convolution from `channels` to `maps`, an activation, if given, and 2x2 max-pooling."""
     convolution = nn.Conv2d(channels, maps, size)
     return [convolution, *([activation(inplace=True)] if activation else []), nn.MaxPool2d(2)]
 
 
 def dense(*sizes: int, activation: type[nn.Module] | None = None) -> list[nn.Module]:
-    """Dense layers between the sizes, with an activation between two of them if one is given."""
+    """Return dense layers of the sizes (input first, output last), with an activation, if given, between them."""
     layers: list[nn.Module] = []
     for inputs, outputs in itertools.pairwise(sizes):
         layers += [activation()] if layers and activation else []

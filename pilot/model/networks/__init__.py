@@ -1,7 +1,7 @@
-"""The networks by name: each is a file of this folder, named as the network is, that sets NETWORK to its class.
+"""Registry of the networks: each is a module of this package, named like the network, that sets NETWORK to its class.
 
-Every network takes frames as the simulator sends them, uint8 RGB of shape N x 160 x 320 x 3, and returns the steering,
-float32 of shape N (-1..1). Names are known without importing torch: command lines list them.
+All networks take frames as the simulator sends them, N x 160 x 320 x 3, uint8 RGB, and return the steering, N, float32.
+The names are available without importing PyTorch, because the command lines list them.
 """
 
 import importlib
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 
 def network_names() -> list[str]:
-    """All networks, in the order of the alphabet."""
+    """Return the names of all networks in alphabetical order."""
     return sorted(module.name for module in pkgutil.iter_modules(__path__) if not module.name.startswith("_"))
 
 
 def network_class(name: str) -> "type[SteeringNetwork]":
-    """The class of a network.
+    """Return the class of a network.
 
     Raises:
         ValueError: there is no network of this name.

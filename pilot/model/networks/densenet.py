@@ -7,7 +7,7 @@ from pilot.model.steering_network import Standardised, dense
 
 
 class DenseNet(Standardised):
-    """Report 004's DenseNet, 187,469 parameters (the document's 189,373 normalises rows, not channels)."""
+    """Report 004's DenseNet, 187,469 parameters (189,373 in the report, which normalises rows instead of channels)."""
 
     GROWTH, UNITS = 12, 3
 
@@ -26,7 +26,7 @@ class DenseNet(Standardised):
 
 
 class _DenseUnit(nn.Module):
-    """Batch norm, ELU, 3x3 convolution; its maps are put behind all maps before."""
+    """Batch normalisation, ELU and 3x3 convolution, whose maps are appended to the input's."""
 
     def __init__(self, channels: int, growth: int) -> None:
         super().__init__()

@@ -8,7 +8,7 @@ from pilot.model.steering_network import SteeringNetwork, dense, pooled
 class LeNet(SteeringNetwork):
     """Report 002's modified LeNet, 723,091 parameters."""
 
-    columns = (1, 319)  # one column less at each side: only that gives the document's count
+    columns = (1, 319)  # without the outermost columns: only this matches the report's parameter count
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The network of report 000: NVIDIA's layout on the cropped frame."""
+"""The network of report 000: NVIDIA's layers on the cropped frame."""
 
 from torch import nn
 
@@ -6,7 +6,7 @@ from pilot.model.steering_network import SteeringNetwork, dense, nvidia_convolut
 
 
 class Nvidia(SteeringNetwork):
-    """Report 000: NVIDIA's layout on the cropped full-size picture, 2,712,951 parameters."""
+    """Report 000's network: NVIDIA's layers on the cropped frame without scaling, 2,712,951 parameters."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""NVIDIA's own network, PilotNet."""
+"""PilotNet, NVIDIA's network."""
 
 import torch
 from torch import Tensor, nn
@@ -8,7 +8,7 @@ from pilot.model.steering_network import SteeringNetwork, dense, nvidia_convolut
 
 
 class PilotNet(SteeringNetwork):
-    """NVIDIA's own network (arXiv 1604.07316): 66x200 YUV, 252,219 parameters."""
+    """NVIDIA's network (arXiv 1604.07316) with 66x200 YUV input, 252,219 parameters."""
 
     colours: Tensor
     shift: Tensor
@@ -22,13 +22,13 @@ class PilotNet(SteeringNetwork):
         self.register_buffer("shift", -yuv.sum(1), persistent=False)
 
     def resize(self, pixels: Tensor) -> Tensor:
-        """66x200."""
-        if pixels.device.type != "cpu":  # CPUs scale bytes twelve times faster than floats; GPUs only floats
+        """Resize to 66x200 (float32, 0..255)."""
+        if pixels.device.type != "cpu":  # on CPUs, uint8 is twelve times faster than float32; GPUs need float32
             pixels = pixels.float()
         return functional.interpolate(pixels, (66, 200), mode="bilinear", antialias=True).float()
 
     def normalise(self, pixels: Tensor) -> Tensor:
-        """YUV (ITU-R BT.601), about -1..1."""
+        """Convert to YUV (ITU-R BT.601), scaled to about -1..1."""
         return functional.conv2d(pixels, self.colours, self.shift)
 
 
