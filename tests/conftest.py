@@ -69,32 +69,32 @@ def steering_of(moment: int) -> float:
 Recording = Callable[..., Path]
 
 
+def write_recording(
+    folder: Path,
+    moments: int = 60,
+    line: Callable[[int], str] | None = None,
+    head: str = "",
+    cameras: tuple[str, ...] = ("center", "left", "right"),
+    end: str = "\n",
+) -> Path:
+    """Write a recording of `moments` time steps; line(moment) may say how a row of the log reads."""
+    lines = []
+    for moment in range(moments):
+        steering = steering_of(moment)
+        for camera in cameras:
+            shift = {"center": 0, "left": 20, "right": -20}[camera]
+            write_picture(folder / "IMG" / f"{camera}_{stamp(moment)}.jpg", picture(steering, shift))
+        paths = [f"IMG/{camera}_{stamp(moment)}.jpg" for camera in cameras]
+        lines.append(line(moment) if line else ",".join([*paths, f"{steering:g}", "0.9", "0", "25.5"]))
+    folder.mkdir(exist_ok=True)
+    (folder / "driving_log.csv").write_bytes((head + end.join(lines) + end).encode())
+    return folder
+
+
 @pytest.fixture
 def recording(tmp_path: Path) -> Recording:
-    """Writes a recording of `moments`; lines(moment) may say how a line of the log reads."""
-
-    def write(
-        name: str = "laps",
-        moments: int = 60,
-        line: Callable[[int], str] | None = None,
-        head: str = "",
-        cameras: tuple[str, ...] = ("center", "left", "right"),
-        end: str = "\n",
-    ) -> Path:
-        folder = tmp_path / name
-        lines = []
-        for moment in range(moments):
-            steering = steering_of(moment)
-            for camera in cameras:
-                shift = {"center": 0, "left": 20, "right": -20}[camera]
-                write_picture(folder / "IMG" / f"{camera}_{stamp(moment)}.jpg", picture(steering, shift))
-            paths = [f"IMG/{camera}_{stamp(moment)}.jpg" for camera in cameras]
-            lines.append(line(moment) if line else ",".join([*paths, f"{steering:g}", "0.9", "0", "25.5"]))
-        folder.mkdir(exist_ok=True)
-        (folder / "driving_log.csv").write_bytes((head + end.join(lines) + end).encode())
-        return folder
-
-    return write
+    """`write_recording` into a folder of the test's own."""
+    return lambda name="laps", *arguments, **options: write_recording(tmp_path / name, *arguments, **options)
 
 
 def straightest(track: Track) -> float:

@@ -22,8 +22,8 @@ from pilot.driving.driver import Driver
 from pilot.model.checkpoint import Model
 from pilot.model.build import build_network
 Driver(Model("pilotnet", build_network("pilotnet", 1).eval(), {}, {}, {}))
-from pilot.training.devices import Cores
-Cores(2)
+from pilot.training.devices import CoreThreads
+CoreThreads(2)
 assert settings() == before, (before, settings())
 """
 

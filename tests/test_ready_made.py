@@ -28,6 +28,6 @@ def test_they_are_small_and_tell_what_they_were_trained_on(path: Path) -> None:
 
 
 def test_the_one_for_the_built_in_simulator_keeps_to_the_road() -> None:
-    driven = run(DriveRequest(ModelPolicy(REPOSITORY / "models" / "built_in.pt"), "lake", Conditions(laps=0.2)))
+    driven = run(DriveRequest(ModelPolicy(REPOSITORY / "models" / "built_in.pt"), "lake", Conditions(laps=0.1)))
     assert not driven.interventions
     assert abs(driven.cross_track_errors).max() < 1

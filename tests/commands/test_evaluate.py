@@ -88,7 +88,7 @@ def test_models_side_by_side_with_lights_start_places_and_video(capsys: pytest.C
 
 def test_a_recording_is_replayed(capsys: pytest.CaptureFixture[str]) -> None:
     save("model.pt")
-    record("lake", DemonstrationConfig(laps=0.12, rate=10), Path("mine/laps"))
+    record("lake", DemonstrationConfig(laps=0.09, rate=10), Path("mine/laps"))
     arguments = ["--recordings", "mine/laps", "--jobs", "1", "--out"]
     assert evaluate_command.main(["model.pt", *arguments, "whole"]) == 0
     assert capsys.readouterr().out.splitlines()[1].startswith("laps (by the ")

@@ -79,8 +79,8 @@ def test_an_interrupted_training_resumes_to_the_same_model(
     recording: Recording, tmp_path: Path, train: Callable[..., str]
 ) -> None:
     """Ctrl-C, then kill -9, then to the end: the model is that of one uninterrupted training."""
-    recording(moments=200)
-    options = ["--data", "laps", "--epochs", "4", *SMALL]
+    recording(moments=100)
+    options = ["--data", "laps", "--epochs", "6", *SMALL]
     process = started(tmp_path, *options)
     process.send_signal(signal.SIGINT)
     output, errors = process.communicate(timeout=60)
@@ -160,8 +160,8 @@ def test_wrong_options_are_named_and_the_old_model_stays(
 
 
 @pytest.mark.parametrize("recipe", ["nvidia-rotations", "lenet-drop-zeros", "simplenet-spikes"])
-def test_the_seeds_recipes_run(recording: Recording, train: Callable[..., str], recipe: str) -> None:
-    recording(moments=60)
+def test_the_reports_recipes_run(recording: Recording, train: Callable[..., str], recipe: str) -> None:
+    recording(moments=24)
     output = train("--recipe", recipe, "--data", "laps", "--epochs", "1")
     assert "model: model.pt" in output
     assert load_model(Path("model.pt")).name == recipe.partition("-")[0]

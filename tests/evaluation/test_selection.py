@@ -14,15 +14,21 @@ from pilot.simulator.demonstrations import record
 OPTIONS = ["--network", "pilotnet", "--epochs", "2", "--samples.block-seconds", "6", "--samples.cameras", "center"]
 
 
+@pytest.fixture(scope="module")
+def laps(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recordings") / "laps"
+    record("mountain", DemonstrationConfig(laps=0.4, rate=5), folder)
+    return folder
+
+
 @pytest.mark.parametrize("select", ["driving", "replay"])
 def test_a_training_keeps_what_drives_best_and_says_so(
-    select: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    select: str, laps: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(selection, "ROADS", ("mountain",))
     monkeypatch.setattr(selection, "SHORT", Conditions(laps=0.01))
-    record("mountain", DemonstrationConfig(laps=0.5, rate=5), Path("laps"))
-    assert train_command.main(["--data", "laps", "--select", select, *OPTIONS]) == 0
+    assert train_command.main(["--data", str(laps), "--select", select, *OPTIONS]) == 0
     output = capsys.readouterr().out
     assert "interventions, " in output.split("epoch   2/2")[1]
     assert "drove best" in output
