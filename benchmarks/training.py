@@ -118,7 +118,7 @@ def flop_per_image(name: str) -> float:
 
 def prepare(options: argparse.Namespace, *, cached: bool) -> Training:
     """A training of this recording; `cached`: with all pictures decoded."""
-    process_settings.for_pictures()
+    process_settings.for_images()
     config = replace(
         RECIPES["default"], network=options.network, batch_size=options.batch_size, cache_gb=options.cache_gb
     )

@@ -14,7 +14,7 @@ def program(script: str) -> str:
     return called if called.startswith("pilot-") else script
 
 
-def run(name: str, action: Callable[[], None], *, talkative: bool = False) -> int:
+def run(name: str, action: Callable[[], None], *, verbose: bool = False) -> int:
     """Run a command and turn exceptions into one-line error messages and exit codes.
 
     Args:
@@ -27,7 +27,7 @@ def run(name: str, action: Callable[[], None], *, talkative: bool = False) -> in
         the exit code: 0 on success, 1 after an error, 130 after Ctrl-C.
     """
     logging.basicConfig(level=logging.ERROR, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
-    if talkative:
+    if verbose:
         logging.getLogger("pilot").setLevel(logging.INFO)
     try:
         action()

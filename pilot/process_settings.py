@@ -9,7 +9,7 @@ import sys
 import warnings
 
 
-def for_pictures() -> None:
+def for_images() -> None:
     """Let OpenCV use a single thread per call: images are processed by several threads, which would compete with it."""
     import cv2  # noqa: PLC0415 - the other functions do not need it
 
@@ -25,7 +25,7 @@ def for_training(threads: int) -> None:
     """
     import torch  # noqa: PLC0415
 
-    for_pictures()
+    for_images()
     _keep_memory()
     torch.set_num_threads(threads)
 
@@ -38,7 +38,7 @@ def for_driving() -> None:
     """
     import torch  # noqa: PLC0415
 
-    for_pictures()
+    for_images()
     torch.set_num_threads(1)
 
 

@@ -52,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         config.check()
         serve(config)
 
-    return cli.run(PROGRAM, drive, talkative=True)
+    return cli.run(PROGRAM, drive, verbose=True)
 
 
 def serve(config: ServeConfig) -> None:

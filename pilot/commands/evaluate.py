@@ -158,7 +158,7 @@ def recording_scenarios(config: EvaluationConfig) -> "list[Scenario]":
 
     folders = [folder.resolve() for folder in config.recordings]
     named = list(zip(name_paths(folders), folders, strict=True))
-    found = run_tasks(partial(prepare_scenario, config.last_part), named, config.jobs, process_settings.for_pictures)
+    found = run_tasks(partial(prepare_scenario, config.last_part), named, config.jobs, process_settings.for_images)
     prepared = dict(
         tqdm(
             found,

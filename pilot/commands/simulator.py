@@ -81,8 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command = words.pop(0) if words and words[0] in COMMANDS else ""
     config, action = COMMANDS[command]
     options = tyro.cli(config, prog=f"{PROGRAM} {command}".strip(), args=words)
-    process_settings.for_pictures()
-    return cli.run(PROGRAM, lambda: action(options), talkative=True)
+    process_settings.for_images()
+    return cli.run(PROGRAM, lambda: action(options), verbose=True)
 
 
 def record(config: RecordConfig) -> None:

@@ -42,7 +42,7 @@ def run(config: TrainingConfig) -> None:
     from pilot.training.distributed import join_processes
     from pilot.training.session import train
 
-    process_settings.for_pictures()
+    process_settings.for_images()
     choose_device(config.device)  # refuse a wrong one before minutes of reading
     with join_processes() as processes:
         if processes.is_main and not config.data:

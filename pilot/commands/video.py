@@ -50,7 +50,7 @@ def make(config: ClipConfig) -> None:
     from pilot.progress import terminal_bar
     from pilot.video.clip import make_clip, read_log_entries
 
-    process_settings.for_pictures()
+    process_settings.for_images()
     if config.fps is not None and not 0 < config.fps <= 240:
         raise ValueError(f"--fps {config.fps:g}: must lie between 0 and 240")
     target = config.out or config.run.resolve().with_name(config.run.resolve().name + ".mp4")

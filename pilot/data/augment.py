@@ -209,8 +209,8 @@ def _draw_brightness(n: int, config: AugmentConfig, rng: np.random.Generator) ->
     return np.where(rng.random(n) < config.brightness, rng.uniform(*config.brightness_range, n), 1.0)[:, None]
 
 
-def _apply_brightness(pixels: Frame, numbers: Floats) -> Frame:
-    return pixels if numbers[0] == 1 else brightness(pixels, numbers[0])
+def _apply_brightness(pixels: Frame, parameters: Floats) -> Frame:
+    return pixels if parameters[0] == 1 else brightness(pixels, parameters[0])
 
 
 def _draw_shadow(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
@@ -220,8 +220,8 @@ def _draw_shadow(n: int, config: AugmentConfig, rng: np.random.Generator) -> Flo
     return np.stack([top, bottom, rng.integers(2, size=n), factor], 1)
 
 
-def _apply_shadow(pixels: Frame, numbers: Floats) -> Frame:
-    top, bottom, right, factor = numbers
+def _apply_shadow(pixels: Frame, parameters: Floats) -> Frame:
+    top, bottom, right, factor = parameters
     return pixels if factor == 1 else shadow(pixels, top, bottom, bool(right), factor)
 
 
@@ -273,11 +273,11 @@ def photometric_columns() -> Iterator[tuple[Photometric, slice]]:
         start += augmentation.size
 
 
-def apply_photometric(pixels: Frame, light: Floats) -> Frame:
+def apply_photometric(pixels: Frame, parameters: Floats) -> Frame:
     """Apply a frame's parameters from `draw_photometric` to its pixels; no parameters leave them unchanged."""
-    if len(light):
+    if len(parameters):
         for augmentation, columns in photometric_columns():
-            pixels = augmentation.apply(pixels, light[columns])
+            pixels = augmentation.apply(pixels, parameters[columns])
     return pixels
 
 

@@ -33,7 +33,7 @@ class DrawnAugmentations:
     photometric: Tensor
 
     @classmethod
-    def of(cls, homographies: Matrix, photometric: Floats, first_kept: int, first_shown: int) -> "DrawnAugmentations":
+    def of(cls, homographies: Matrix, photometric: Floats, first_cached: int, first_used: int) -> "DrawnAugmentations":
         """Convert augmentations drawn for whole frames.
 
         Args:
@@ -42,7 +42,7 @@ class DrawnAugmentations:
             first_kept: first frame row that the cache stores.
             first_shown: first frame row that the network uses.
         """
-        backwards = np.linalg.inv(from_rows(homographies, first_kept, first_shown))
+        backwards = np.linalg.inv(from_rows(homographies, first_cached, first_used))
         return cls(torch.from_numpy(backwards).float(), torch.from_numpy(photometric).float())
 
     def to(self, device: torch.device) -> "DrawnAugmentations":
@@ -89,13 +89,13 @@ def _apply_photometric(pixels: Tensor, photometric: Tensor) -> Tensor:
     return pixels
 
 
-def _brightness(pixels: Tensor, numbers: Tensor) -> Tensor:
-    return (pixels * numbers).round().clamp(0, 255)
+def _brightness(pixels: Tensor, parameters: Tensor) -> Tensor:
+    return (pixels * parameters).round().clamp(0, 255)
 
 
-def _shadow(pixels: Tensor, numbers: Tensor) -> Tensor:
+def _shadow(pixels: Tensor, parameters: Tensor) -> Tensor:
     height = pixels.shape[2]
-    top, bottom, right, factor = numbers.unbind(1)
+    top, bottom, right, factor = parameters.unbind(1)
     row = torch.arange(height, device=pixels.device)[:, None]
     column = torch.arange(COLUMNS, device=pixels.device)
     line = top + (bottom - top) * row / height

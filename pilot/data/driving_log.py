@@ -17,7 +17,7 @@ from pilot.data.log_format import LOG_NAME, NUMBERS, LogLine, parse_log, time_of
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import CAMERAS
 
-SECONDS_A_ROW = 0.1  # assumed where the names of the images contain no time
+SECONDS_PER_ROW = 0.1  # assumed where the names of the images contain no time
 
 
 class NoUsableData(ValueError):
@@ -98,7 +98,7 @@ def read_driving_logs(
     return DrivingLog(rows, recordings, left_out)
 
 
-def part_of_each(rows: pd.DataFrame, begin: float, end: float) -> pd.DataFrame:
+def share_of_each(rows: pd.DataFrame, begin: float, end: float) -> pd.DataFrame:
     """Return the rows of each recording from the share `begin` up to the share `end` (0..1) of its rows."""
     recording = rows.groupby("recording")["recording"]
     share = recording.cumcount() / recording.transform("size")
@@ -110,7 +110,7 @@ def _nothing_usable(logs: Sequence[Path], left_out: Sequence[Counter[str]]) -> s
         f"{log}: " + (", ".join(f"{reason} ({count})" for reason, count in counts.items()) or "no rows")
         for log, counts in zip(logs, left_out, strict=True)
     )
-    cure = "The pictures belong into the folder IMG beside the log; record anew if they are lost"
+    cure = "The images must be in the folder IMG next to the log; if they are lost, record again"
     return f"no row can be used. {reasons}. {cure}"
 
 
@@ -173,7 +173,7 @@ def _number(text: str) -> float:
 
 def _fill_times(times: "pd.Series[float]") -> "pd.Series[float]":
     if times.isna().any():
-        return pd.Series(range(len(times)), dtype=float) * SECONDS_A_ROW
+        return pd.Series(range(len(times)), dtype=float) * SECONDS_PER_ROW
     return times
 
 

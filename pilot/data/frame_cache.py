@@ -26,7 +26,7 @@ from pilot.files import move_when_done
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import COLUMNS, ROWS
 
-AT_ONCE = 256  # images decoded in parallel before they are written
+DECODE_AHEAD = 256  # images decoded in parallel before they are written
 DAY = 86400.0  # seconds; older unfinished files were left by a crash
 
 
@@ -48,7 +48,7 @@ class FrameCache:
         """
         self.rows, self.limit = rows, limit
         self.folder = folder or user_cache_path("behavioral-cloning-pilot") / "frames"
-        self.trouble = ""
+        self.error = ""
         self._places: dict[str, tuple[Path, int]] = {}  # image → cache file, offset in bytes
         self._size = (rows[1] - rows[0]) * COLUMNS * 3
         self._in_use: set[Path] = set()
@@ -79,7 +79,7 @@ class FrameCache:
             the faults of unusable images by their paths.
         """
         ordered = sorted(set(paths), key=os.path.split)
-        shown = iter(progress(ordered, len(ordered), "checking pictures"))
+        shown = iter(progress(ordered, len(ordered), "checking images"))
         faults: dict[str, str] = {}
         with ThreadPoolExecutor(os.cpu_count()) as threads:
             try:
@@ -100,7 +100,7 @@ class FrameCache:
             if faults is None:
                 return self._fill(file, paths, threads, shown)
         except OSError as error:  # a full disk, a folder that cannot be written to
-            self.trouble = str(error)
+            self.error = str(error)
             return self._decode_all(paths, threads, shown)
         list(zip(paths, shown, strict=False))
         self._find_in(file, paths)
@@ -125,8 +125,8 @@ class FrameCache:
         self, paths: list[str], threads: ThreadPoolExecutor, shown: Iterator[str], output: IO[bytes] | None = None
     ) -> dict[str, str]:
         faults = {}
-        for start in range(0, len(paths), AT_ONCE):
-            part = paths[start : start + AT_ONCE]
+        for start in range(0, len(paths), DECODE_AHEAD):
+            part = paths[start : start + DECODE_AHEAD]
             for path, frame in zip(part, threads.map(self._try, part), strict=True):
                 next(shown, None)
                 if isinstance(frame, str):

@@ -89,7 +89,7 @@ def _header(record: Sequence[str]) -> list[str]:
         return []
     last_camera = max((index for index, name in enumerate(names) if name in CAMERAS), default=-1)
     if "steering" not in names[last_camera + 1 :]:
-        raise ValueError(f"the header ({', '.join(record)}) names no 'steering' column after the pictures")
+        raise ValueError(f"the header ({', '.join(record)}) names no 'steering' column after the images")
     return names[last_camera + 1 :]
 
 

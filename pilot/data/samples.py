@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from pilot.arrays import Floats
-from pilot.data.driving_log import part_of_each
+from pilot.data.driving_log import share_of_each
 from pilot.data.segments import segment_numbers
 from pilot.vehicle import CAMERAS
 
@@ -79,15 +79,15 @@ def make_samples(rows: pd.DataFrame, config: SampleConfig, seed: int) -> tuple[p
         ValueError: there are too few rows, or recordings, for a training and a validation set.
     """
     rng = np.random.default_rng(seed)
-    rows = part_of_each(rows, 0, config.first_part)
+    rows = share_of_each(rows, 0, config.first_part)
     rows = rows[~(rows["speed"] < config.min_speed)].reset_index(drop=True)
-    validating = split_rows(rows, config, rng)
+    in_validation = split_rows(rows, config, rng)
     moments = rows.assign(moment=rows.index, recorded=rows["steering"])
-    validation = camera_samples(moments[validating], SampleConfig(cameras="center"))
+    validation = camera_samples(moments[in_validation], SampleConfig(cameras="center"))
     moments["steering"] = smooth_steering(rows, config.smooth_seconds)
     if config.balance == "drop-zeros":
-        moments = moments[~_surplus_zeros(moments["recorded"], config.drop_zeros, rng) | validating]
-    training = camera_samples(moments[~validating.reindex(moments.index)], config)
+        moments = moments[~_surplus_zeros(moments["recorded"], config.drop_zeros, rng) | in_validation]
+    training = camera_samples(moments[~in_validation.reindex(moments.index)], config)
     if config.balance == "spikes":
         validation = drop_spikes(validation, rng)
     return add_copies(balance(training, config, rng), config, rng), validation
@@ -107,15 +107,15 @@ def split_rows(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.
         ValueError: one of the two sets would be empty.
     """
     if config.split == "blocks":
-        validating = _validation_blocks(rows, config, rng)
+        in_validation = _validation_blocks(rows, config, rng)
     else:
-        validating = _validation_groups(rows, config, rng)
-    if len(rows) == 0 or validating.all() or not validating.any():
+        in_validation = _validation_groups(rows, config, rng)
+    if len(rows) == 0 or in_validation.all() or not in_validation.any():
         raise ValueError(
-            f"{len(rows)} moments faster than {config.min_speed} mph are too few to keep a validation set apart: "
+            f"{len(rows)} time steps faster than {config.min_speed} mph are too few to split off a validation set: "
             "record more laps"
         )
-    return validating
+    return in_validation
 
 
 def _validation_blocks(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.Series[bool]":

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pilot.data.driving_log import part_of_each, read_driving_logs
+from pilot.data.driving_log import read_driving_logs, share_of_each
 from pilot.data.frames import encode_frame
 from pilot.data.log_format import LOG_NAME, format_line, time_stamp
 from pilot.driving.driver import SteeringPolicy
@@ -144,7 +144,7 @@ def prepare_scenario(last_part: float, named: tuple[str, Path]) -> RecordingScen
         UnusableRecording: it cannot be replayed.
     """
     name, folder = named
-    rows = part_of_each(read_driving_logs([folder]).rows, 1 - last_part, 1)
+    rows = share_of_each(read_driving_logs([folder]).rows, 1 - last_part, 1)
     return RecordingScenario(name, prepare(rows))
 
 

@@ -71,14 +71,16 @@ def load_model(path: Path) -> Model:
     """
     content = load_values(path, "train one with: python model.py")
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise UnusableModel(f"{path}: holds no model of this program. Train one with: python model.py")
+        raise UnusableModel(f"{path}: not a model of this program. Train one with: python model.py")
     if content["version"] > VERSION or content["network"] not in network_names():
         raise UnusableModel(f"{path}: made by a newer version of this program (network {content['network']!r})")
     network = build_network(content["network"])
     try:
         network.load_state_dict(content["weights"])
     except RuntimeError as error:
-        raise UnusableModel(f"{path}: its weights do not fit the network {content['network']!r}. Train anew") from error
+        raise UnusableModel(
+            f"{path}: its weights do not fit the network {content['network']!r}. Train a new model"
+        ) from error
     return Model(content["network"], network.eval(), content["config"], content["data"], content["metrics"])
 
 

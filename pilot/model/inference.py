@@ -8,6 +8,7 @@ modules (which look up their weights and hooks by name at each call).
 import copy
 from collections.abc import Callable
 from functools import partial
+from typing import TypeGuard
 
 import torch
 from torch import Tensor, nn
@@ -99,12 +100,16 @@ def fold_dense(network: SteeringNetwork) -> SteeringNetwork:
     layers: list[nn.Module] = []
     for layer in folded.layers.children():
         before = layers[-1] if layers else None
-        if isinstance(before, nn.Linear) and isinstance(layer, nn.Linear):
+        if _with_bias(before) and _with_bias(layer):
             layers[-1] = _joined(before, layer)
         else:
             layers.append(layer)
     folded.layers = nn.Sequential(*layers)
     return folded
+
+
+def _with_bias(layer: nn.Module | None) -> TypeGuard[nn.Linear]:
+    return type(layer) is nn.Linear and layer.bias is not None
 
 
 def _joined(first: nn.Linear, second: nn.Linear) -> nn.Linear:

@@ -67,7 +67,7 @@ def record_demonstrations(folder: Path, tracks: Sequence[str]) -> Iterator[str]:
     Raises:
         OSError: the folder cannot be written to.
     """
-    for number, _ in run_tasks(functools.partial(_record_whole, folder), tracks, None, process_settings.for_pictures):
+    for number, _ in run_tasks(functools.partial(_record_whole, folder), tracks, None, process_settings.for_images):
         yield tracks[number]
 
 

@@ -45,8 +45,8 @@ def train(config: TrainingConfig, processes: Processes) -> None:
     cache = make_cache(config)
     log = read_in_turn(config, cache, processes)
     say(log.table())
-    if cache.trouble:
-        say(f"decoded pictures cannot be kept ({cache.trouble}): each is decoded anew in every epoch")
+    if cache.error:
+        say(f"decoded pictures cannot be kept ({cache.error}): each is decoded anew in every epoch")
     samples, validation = make_samples(log.rows, config.samples, config.seed)
     # one process drives for all
     driving_check = make_driving_check(config, log, validation) if processes.is_main else None

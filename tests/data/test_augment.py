@@ -117,8 +117,8 @@ def test_each_augmentation_happens_with_its_probability() -> None:
     mirrored = (augment.draw_views(labels, replace(NOTHING, flip=0.5), rng).steering < 0).sum()
     assert 150 < mirrored < 250
     frame = picture(0)
-    for light in augment.draw_photometric(9, NOTHING, rng):
-        np.testing.assert_array_equal(augment.apply_photometric(frame, light), frame)
+    for parameters in augment.draw_photometric(9, NOTHING, rng):
+        np.testing.assert_array_equal(augment.apply_photometric(frame, parameters), frame)
     shaded = (augment.draw_photometric(400, replace(NOTHING, shadow=0.5), rng)[:, 4] < 1).sum()
     assert 150 < shaded < 250
 

@@ -109,7 +109,7 @@ def test_trouble_with_the_disk_is_told_and_does_not_stop(pictures: list[str], tm
     (tmp_path / "cache").write_text("a file where the folder should be")
     cache = FrameCache(ROWS, limit=LIMIT, folder=tmp_path / "cache")
     assert cache.check(pictures) == {}
-    assert "cache" in cache.trouble
+    assert "cache" in cache.error
     np.testing.assert_array_equal(cache.read(pictures[0]), read_frame(pictures[0])[60:150])
 
 

@@ -200,7 +200,7 @@ def test_same_seed_same_samples() -> None:
 
 
 def test_too_few_rows_for_two_sets_is_an_error() -> None:
-    with pytest.raises(ValueError, match="too few to keep a validation set apart"):
+    with pytest.raises(ValueError, match="too few to split off a validation set"):
         samples_of(drive(1))
 
 

@@ -98,6 +98,14 @@ def test_folding_leaves_layers_alone_that_have_a_forward_of_their_own() -> None:
         assert torch.equal(fold_dense(network)(frames), network(frames))
 
 
+def test_dense_layers_without_bias_are_left_alone() -> None:
+    network = build_network("pilotnet", 1).eval()
+    network.layers = nn.Sequential(nn.Flatten(), nn.Linear(3 * 66 * 200, 8, bias=False), nn.Linear(8, 1))
+    frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
+    with torch.inference_mode():
+        torch.testing.assert_close(fast_forward(network)(frames), network(frames))
+
+
 @pytest.mark.parametrize("name", network_names())
 def test_the_fast_forward_of_driving_steers_the_same(name: str) -> None:
     network = build_network(name, 3).eval()
