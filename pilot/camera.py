@@ -44,7 +44,7 @@ def viewpoint_homography(offset: float | Floats, heading: float | Floats) -> Mat
     """Return the homography from a frame's pixels to those seen from a displaced car; valid below the horizon.
 
     Args:
-        offset: displacement of the car's rear axle in metres, positive to the right.
+        offset: lateral displacement of the car's rear axle in metres, positive to the right.
         heading: rotation of the car in radians, positive to the right.
 
     Returns:
@@ -68,8 +68,8 @@ def path_pixels(steering: float, length: float = 25.0, lateral: float = 0.0) -> 
 
     Args:
         steering: -1..1; constant, so that the path is an arc.
-        length: of the path in metres, from the rear axle.
-        lateral: metres to the right of the car's longitudinal axis, for the path of a wheel.
+        length: length of the path in metres, from the rear axle.
+        lateral: distance in metres from the car's longitudinal axis, positive to the right, for the path of a wheel.
     """
     curvature = steering_to_curvature(steering)
     distance = np.linspace(CAMERA_AHEAD_OF_REAR_AXLE + 2.0, length, 40)

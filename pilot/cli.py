@@ -18,13 +18,14 @@ def run(name: str, action: Callable[[], None], *, verbose: bool = False) -> int:
     """Run a command and turn exceptions into one-line error messages and exit codes.
 
     Args:
-        name: of the command, printed before an error message.
-        action: parses and checks the options and does the work. It may raise ValueError, OSError or RuntimeError with
-            a message that tells the user what to do, or KeyboardInterrupt, optionally with the state of the work.
-        talkative: show the package's log messages of level INFO, such as new connections.
+        name: name of the command, printed before an error message.
+        action: function that parses and checks the options and executes the command. It may raise ValueError, OSError
+            or RuntimeError with a message that tells the user what to do, or KeyboardInterrupt, optionally with a
+            message about the state in which it stopped.
+        verbose: show the package's log messages of level INFO, such as new connections.
 
     Returns:
-        the exit code: 0 on success, 1 after an error, 130 after Ctrl-C.
+        The exit code: 0 on success, 1 after an error, 130 after Ctrl-C.
     """
     logging.basicConfig(level=logging.ERROR, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
     if verbose:

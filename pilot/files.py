@@ -13,8 +13,8 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     If writing fails (full disk, Ctrl-C, power failure), `path` keeps its previous content.
 
     Args:
-        path: of the file; its folder is created if necessary.
-        write: writes the content to the open binary file that it is called with.
+        path: path of the file; its folder is created if necessary.
+        write: function that writes the content to the binary file that it is called with.
 
     Raises:
         OSError: the folder cannot be created or written to.

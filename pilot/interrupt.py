@@ -8,7 +8,7 @@ from types import FrameType
 
 
 class Interrupt:
-    """Request of the user to stop; a second request raises KeyboardInterrupt immediately.
+    """A request by the user to stop; a second request raises KeyboardInterrupt immediately.
 
     Attributes:
         asked: whether the user has requested to stop.

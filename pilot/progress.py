@@ -15,9 +15,9 @@ class ProgressBar(Protocol[Item]):
         """Return an iterable over the same items.
 
         Args:
-            items: to be passed on.
+            items: items to pass on.
             total: number of items, or of the units that the bar counts instead (such as the images of batches).
-            title: text beside the bar.
+            title: text next to the bar.
         """
 
 

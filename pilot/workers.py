@@ -37,7 +37,7 @@ def run_tasks(
         set_up: called once in each worker process to apply process-wide settings.
 
     Yields:
-        the index of each task and its result, in the order of completion.
+        The index of each task and its result, in the order of completion.
 
     Raises:
         WorkerKilledError: a worker process was killed.

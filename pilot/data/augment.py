@@ -99,10 +99,10 @@ def shift_viewpoint(view: View, offset: float | Floats, heading: float | Floats,
     seconds, here at the point of the driver's arc `lookahead` metres ahead.
 
     Args:
-        view: from the driver's path.
-        offset: of the car from the path in metres, positive to the right.
-        heading: of the car relative to the path's direction in radians, positive to the right.
-        lookahead: metres.
+        view: the view from the driver's path.
+        offset: distance of the car from the path in metres, positive to the right.
+        heading: angle between the car and the path's direction in radians, positive to the right.
+        lookahead: distance in metres along the driver's arc after which the path is reached.
     """
     curvature = steering_to_curvature(np.asarray(view.steering))
     back = curvature - 2 * (offset + lookahead * heading) / lookahead**2
@@ -136,9 +136,9 @@ class Geometric:
     """An augmentation that moves pixels and may change the label.
 
     Attributes:
-        name: of the AugmentConfig field with its probability.
-        draw: changes each of n views by random parameters.
-        examples: returns the view changed by the limits of the range, by description.
+        name: name of the AugmentConfig field with its probability.
+        draw: function that changes each of n views by random parameters.
+        examples: function that returns the views at the limits of the parameters' range, by description.
     """
 
     name: str
@@ -151,11 +151,11 @@ class Photometric:
     """An augmentation that changes colours, controlled by `size` parameters.
 
     Attributes:
-        name: of the AugmentConfig field with its probability.
+        name: name of the AugmentConfig field with its probability.
         size: number of parameters per frame.
-        draw: draws the parameters of n frames: n x size. Frames that are not selected get a factor of 1.
-        apply: changes the pixels of a frame by its parameters.
-        examples: returns the parameters at the limits of the range, by description.
+        draw: function that draws the parameters of n frames: n x size. Frames not selected get a factor of 1.
+        apply: function that changes the pixels of a frame by its parameters.
+        examples: function that returns the parameters at the limits of their range, by description.
     """
 
     name: str
@@ -249,7 +249,7 @@ PHOTOMETRIC: list[Photometric] = [
 ]
 
 
-# All augmentations together. Drawing for n frames at once takes hardly longer than for one
+# All augmentations together. Drawing for n frames at once takes hardly longer than drawing for one
 
 
 def draw_views(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
@@ -286,8 +286,8 @@ def rows_needed(rows: tuple[int, int], config: AugmentConfig | None, rotation: f
 
     Args:
         rows: first row that the network uses, and the one after the last.
-        config: of the random augmentations; None: no random augmentations.
-        rotation: largest rotation of copies made once (`rotation` of the samples), in degrees.
+        config: configuration of the random augmentations; None: no random augmentations.
+        rotation: largest rotation of copies that are drawn once (column `rotation` of the samples), in degrees.
     """
     views = [View(0.0)]
     if rotation:

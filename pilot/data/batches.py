@@ -28,7 +28,7 @@ from pilot.vehicle import COLUMNS, ROWS
 
 @dataclass(frozen=True)
 class MicroBatch:
-    """Samples that one thread computes.
+    """The samples of a batch that one thread computes.
 
     Attributes:
         frames: n x 160 x 320 x 3, uint8 RGB; only the rows that the network uses are filled. With `draws`: n x height
@@ -52,7 +52,7 @@ class Batch:
 
     Attributes:
         size: number of samples over all processes, including those whose images turn out to be unreadable.
-        micro_batches: those of this process; each is loaded when it is called.
+        micro_batches: functions that load the micro-batches of this process.
     """
 
     size: int
@@ -83,16 +83,16 @@ class BatchLoader:
         """Create a loader of `samples`, a table as described in samples.py.
 
         Args:
-            samples: of which each epoch loads every one once.
+            samples: table of samples; each epoch loads every sample once.
             rows: first frame row that the network uses, and the one after the last.
             batch_size: number of samples per batch over all processes.
             augment: random augmentations; None: none, and samples are loaded in the table's order.
-            cache: reads the frames.
-            seed: of the order and the augmentations.
+            cache: cache that reads the frames; None: images are decoded at every read.
+            seed: seed of the order and the augmentations.
             rank, world_size: number of this process, from 0, and number of processes.
             micro_batches: number of micro-batches per batch.
-            for_gpu: load batches ahead and leave augmentation to the device. (On a CPU, loading ahead would compete
-                with the network's threads for the cores, which costs more than it gains.)
+            for_gpu: load batches ahead and leave augmentation to the device. (On a CPU, loading ahead is slower,
+                because it competes with the network's threads for the cores.)
         """
         self.images = samples["image"].tolist()
         self.steering = samples["steering"].to_numpy(float)
@@ -190,5 +190,5 @@ def read_ahead(batches: Iterator[Batch]) -> Iterator[Batch]:
                 if len(ahead) > cores:
                     yield ahead.popleft()
             yield from ahead
-        finally:  # after Ctrl-C or an error in the step, the rest is not needed
+        finally:  # after Ctrl-C or an error in the step, the remaining batches are not needed
             threads.shutdown(cancel_futures=True)

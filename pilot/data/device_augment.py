@@ -1,6 +1,6 @@
 """The augmentations of augment.py for a whole batch at once, on the network's device.
 
-A GPU computes a step in a hundredth of a CPU's time, so that augmentation with OpenCV could not keep up. The parameters
+A GPU computes a step in a hundredth of the time of a CPU, so augmentation with OpenCV could not keep up. The parameters
 are still drawn on the CPU, so that both paths give the same images. They differ by up to two grey levels, because
 OpenCV rounds its interpolation coefficients.
 """
@@ -24,8 +24,8 @@ class DrawnAugmentations:
     """Drawn augmentations of n frames.
 
     Attributes:
-        homographies: n x 3 x 3, float32: inverse, from pixels of the rows that the network uses to pixels of the rows
-            that the cache stores.
+        homographies: n x 3 x 3, float32: inverse homographies, from pixels of the rows that the network uses to
+            pixels of the rows that the cache stores.
         photometric: n x parameters from `draw_photometric`, float32.
     """
 
@@ -39,8 +39,8 @@ class DrawnAugmentations:
         Args:
             homographies: n x 3 x 3, from the recorded frame's pixels to those of the view.
             photometric: n x parameters from `draw_photometric`.
-            first_kept: first frame row that the cache stores.
-            first_shown: first frame row that the network uses.
+            first_cached: first frame row that the cache stores.
+            first_used: first frame row that the network uses.
         """
         backwards = np.linalg.inv(from_rows(homographies, first_cached, first_used))
         return cls(torch.from_numpy(backwards).float(), torch.from_numpy(photometric).float())

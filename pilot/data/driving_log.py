@@ -1,4 +1,4 @@
-"""Reading of recordings into one table of usable rows, with counts of what is left out.
+"""Reading of recordings into one table of usable rows, with counts of the rows and images left out.
 
 A recording is a folder with a driving_log.csv and a folder IMG/ with its images.
 """
@@ -33,7 +33,7 @@ class DrivingLog:
             (number in the file), time (seconds), center, left, right (path of the image, or "" if there is none),
             steering (-1..1, right is positive), throttle and brake (0..1), speed (mph). Throttle, brake and speed are
             NaN where the log does not contain them.
-        recordings: their folders.
+        recordings: folders of the recordings.
         left_out: for each recording, the number of rows (or side images) left out, by reason.
     """
 
@@ -55,7 +55,7 @@ def find_recordings(folders: Sequence[Path]) -> list[Path]:
     """Return the driving_log.csv files in the folders and their subfolders, without duplicates.
 
     Args:
-        folders: to be searched; paths of log files are also accepted.
+        folders: folders to search; paths of log files are also accepted.
 
     Raises:
         NoUsableData: a folder does not exist, or none of them contains a log.
@@ -81,7 +81,7 @@ def read_driving_logs(
     Args:
         folders: recordings, or folders that contain recordings.
         progress: progress bar over the images being checked.
-        cache: checks the images and stores their frames.
+        cache: cache that checks the images and stores their frames; None: the frames are not stored.
 
     Raises:
         NoUsableData: no row can be used; the message names the files, the reasons and what to do.

@@ -35,7 +35,7 @@ class FrameCache:
 
     Attributes:
         rows: first row that is read of each frame, and the one after the last.
-        trouble: why frames could not be stored, or "".
+        error: message of the last error that prevented storing frames, or "".
     """
 
     def __init__(self, rows: tuple[int, int] = (0, ROWS), *, limit: int = 0, folder: Path | None = None) -> None:
@@ -44,7 +44,7 @@ class FrameCache:
         Args:
             rows: first row to be read of each frame, and the one after the last.
             limit: size of all cache files together in bytes; 0: no cache, images are decoded at every read.
-            folder: of the cache files; None: in the user's cache folder.
+            folder: folder of the cache files; None: a folder in the user's cache folder.
         """
         self.rows, self.limit = rows, limit
         self.folder = folder or user_cache_path("behavioral-cloning-pilot") / "frames"
@@ -76,7 +76,7 @@ class FrameCache:
             progress: progress bar over the images.
 
         Returns:
-            the faults of unusable images by their paths.
+            The faults of unusable images by their paths.
         """
         ordered = sorted(set(paths), key=os.path.split)
         shown = iter(progress(ordered, len(ordered), "checking images"))
@@ -86,7 +86,7 @@ class FrameCache:
                 for _, group in groupby(ordered, key=os.path.dirname):
                     faults |= self._check_folder(list(group), threads, shown)
                 list(shown)  # completes the bar
-            finally:  # after Ctrl-C, the rest is not needed
+            finally:  # after Ctrl-C, the remaining images are not needed
                 threads.shutdown(cancel_futures=True)
         return faults
 

@@ -34,7 +34,7 @@ class LogLine:
     """One line of a log.
 
     Attributes:
-        number: of the line in the file, from 1.
+        number: line number in the file, from 1.
         images: file names by camera; only those that the line contains.
         values: numbers as text, by name; only those that the line contains.
         fields: all fields after the images.
@@ -50,7 +50,7 @@ def parse_log(text: str) -> Iterator[LogLine]:
     """Parse the text of a driving_log.csv.
 
     Yields:
-        the lines, except the header and those without content.
+        The lines, except the header and those without content.
 
     Raises:
         ValueError: the header has no steering column after the images.
@@ -170,7 +170,7 @@ def _whole_numbers(fields: Sequence[str]) -> list[str]:
 
 
 def _join_decimal_commas(lines: Sequence[LogLine], columns: Sequence[str]) -> None:
-    """Choose the reading of each line so that values change least from row to row (Viterbi algorithm)."""
+    """Choose among the readings of each line such that values change least between rows (Viterbi algorithm)."""
     readable = [(line, readings) for line in lines if (readings := _readings(line.fields, columns))]
     if not readable:
         return
@@ -186,7 +186,7 @@ def _join_decimal_commas(lines: Sequence[LogLine], columns: Sequence[str]) -> No
 
 
 def _readings(fields: Sequence[str], columns: Sequence[str]) -> list[dict[str, str]]:
-    """Return all plausible ways to join whole numbers into one value per column."""
+    """Return all plausible readings of a line: ways to join its whole numbers into one value per column."""
     parts = _whole_numbers(fields)
     fractions = len(parts) - len(columns)
     readings = []

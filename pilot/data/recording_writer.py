@@ -23,7 +23,7 @@ class RecordingWriter:
         """Open a recording; rows are appended to an existing one.
 
         Args:
-            folder: of the recording; created if necessary.
+            folder: folder of the recording; created if necessary.
             listed_as: folder to which the recording will be moved, used for the paths in the log; None: `folder`.
 
         Raises:
@@ -39,8 +39,8 @@ class RecordingWriter:
         """Write the row of one time step.
 
         Args:
-            frames: of the three cameras, by name: 160x320x3, uint8 RGB.
-            seconds: since the recording was opened; determines the time in the images' names.
+            frames: frames of the three cameras by camera name: 160x320x3, uint8 RGB.
+            seconds: time since the recording was opened; determines the time in the images' names.
             command: steering and throttle, -1..1 each; a negative throttle is written as brake.
             speed: mph.
         """

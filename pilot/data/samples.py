@@ -27,7 +27,7 @@ SPIKE_SHARE = 0.05  # a value is a spike if it has more than this share of all s
 
 @dataclass(frozen=True)
 class SampleConfig:
-    """How rows become samples."""
+    """Options for the conversion of rows to samples."""
 
     cameras: Literal["all", "center"] = "all"
     """Use the images of all three cameras, or of the centre camera only."""
@@ -65,15 +65,18 @@ class SampleConfig:
 
 
 def make_samples(rows: pd.DataFrame, config: SampleConfig, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Turn the rows of driving logs into training samples and validation samples.
+    """Convert the rows of driving logs to training samples and validation samples.
 
     All images of one time step are in the same set. The validation set contains the centre images with the recorded
     steering; it is balanced only by balance=spikes, as in report 004.
 
     Args:
-        rows: as in `DrivingLog.rows`.
-        config: how they become samples.
-        seed: of the split, the balancing and the copies.
+        rows: table of rows as in `DrivingLog.rows`.
+        config: options for the conversion to samples.
+        seed: seed of the split, the balancing and the copies.
+
+    Returns:
+        The tables of the training samples and of the validation samples.
 
     Raises:
         ValueError: there are too few rows, or recordings, for a training and a validation set.
@@ -100,8 +103,8 @@ def split_rows(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.
     """Mark the rows of the validation set, about `validation_share` of them.
 
     With split=blocks, each recording is cut into blocks of time, and one of every 1 / `validation_share` consecutive
-    blocks is drawn, so that the validation set covers the whole recording. With split=recordings, `validation_share` is
-    the share of the recordings, whatever their numbers of rows.
+    blocks (at least 2, so at most about half of the rows) is drawn, so that the validation set covers the whole
+    recording. With split=recordings, `validation_share` is the share of the recordings, regardless of their lengths.
 
     Raises:
         ValueError: one of the two sets would be empty.
@@ -155,7 +158,7 @@ def block_numbers(rows: pd.DataFrame, seconds: float) -> "pd.Series[int]":
 
 
 def smooth_steering(rows: pd.DataFrame, seconds: float) -> "pd.Series[float]":
-    """Return the centred moving average of the recorded steering over a time, within each segment."""
+    """Return the centred moving average of the recorded steering over `seconds`, within each segment."""
     if seconds <= 0 or rows.empty:
         return rows["steering"]
     parts = [_moving_average(segment, seconds) for _, segment in rows.groupby(segment_numbers(rows))]
@@ -175,7 +178,7 @@ def side_steering(steering: float, camera: str, config: SampleConfig) -> float:
 
     The left camera sees what the centre camera of a car too far left would see, so its label is further right. The
     geometric rule is that of report 004: a camera 1 m to the side returns to the middle within 4 m. Like the report, it
-    takes the steering for an angle in radians: the report's histogram has spikes at +-0.245 = arctan(1/4). (With the
+    treats the steering as an angle in radians: the report's histogram has spikes at +-0.245 = arctan(1/4). (With the
     car's true scale, 25 degrees at 1, they would be at +-0.56, which is too strong.)
     """
     sign = {"center": 0.0, "left": 1.0, "right": -1.0}[camera]

@@ -1,4 +1,4 @@
-"""Views of recorded frames: a homography of the pixels, with the label that corresponds to it."""
+"""Views of recorded frames: a homography of the pixels and the corresponding label."""
 
 from dataclasses import dataclass, field
 
@@ -17,11 +17,11 @@ MIRROR: Matrix = np.array([[-1.0, 0, COLUMNS - 1], [0, 1, 0], [0, 0, 1]])
 
 @dataclass(frozen=True)
 class View:
-    """The view of one frame, or of n frames.
+    """A view of one frame, or views of n frames.
 
     Attributes:
         steering: the label (-1..1): a number, or an array of n.
-        homography: from the recorded frame's pixels to those of the view: 3x3, or n x 3 x 3.
+        homography: maps the recorded frame's pixels to those of the view: 3x3, or n x 3 x 3.
     """
 
     steering: float | Floats
@@ -42,7 +42,7 @@ def render(frame: Frame, homography: Matrix, rows: tuple[int, int], first_row: i
 
     Args:
         frame: 160x320x3, uint8 RGB, or the range of its rows given by `rows_needed`.
-        homography: of the view, 3x3.
+        homography: homography of the view, 3x3.
         rows: first row to render, and the one after the last, counted in the whole frame.
         first_row: row of the whole frame with which `frame` begins.
     """

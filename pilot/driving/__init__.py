@@ -1,1 +1,1 @@
-"""A model drives the simulator: telemetry in, commands out."""
+"""Driving with a trained model: from telemetry to commands."""

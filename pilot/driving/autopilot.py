@@ -1,4 +1,8 @@
-"""Telemetry in, answer out: joins driver and controllers, and never leaves a telemetry without an answer."""
+"""Computation of the answer to each telemetry message: steering policy, steering filter and speed controller.
+
+Every message is answered, even if it is malformed or the model fails, because the simulator sends its next telemetry
+only after an answer.
+"""
 
 import logging
 import time
@@ -13,19 +17,19 @@ from pilot.driving.telemetry import BadTelemetry, Telemetry, parse_telemetry, st
 
 log = logging.getLogger("pilot")
 
-LONGEST_PAUSE = 2.0  # s without telemetry after which the controllers begin anew
+LONGEST_PAUSE = 2.0  # s without telemetry after which the controllers are reset
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What goes back to the simulator, and what it was made from.
+    """An answer to the simulator, with the telemetry from which it was computed.
 
     Attributes:
         event: "steer" or "manual".
-        message: its argument.
-        steering, throttle: -1..1, as commanded.
-        telemetry: what was answered; None for manual driving, or when it could not be used.
-        seconds: from telemetry to answer.
+        message: argument of the event.
+        steering, throttle: commands, -1..1 each.
+        telemetry: the message that is answered; None in manual mode and if the message was invalid.
+        seconds: s from receiving the telemetry to the answer.
     """
 
     event: str
@@ -40,31 +44,31 @@ MANUAL = Answer("manual", {})
 
 
 class Autopilot:
-    """Drives one car.
+    """Answers the telemetry of one car.
 
     Attributes:
-        last: the last answer; repeated when a telemetry cannot be used.
-        speed: the speed controller, whose set speed may be changed while driving.
+        last: the last answer; its command is repeated if a telemetry message is invalid.
+        speed: the speed controller; its set speed may be changed during the drive.
     """
 
     def __init__(
         self, steer: Callable[[Frame], float], config: ControllerConfig, clock: Callable[[], float] = time.perf_counter
     ) -> None:
-        """Drive with `steer` (frame to -1..1)."""
+        """Create an autopilot for a steering policy (160x320x3 uint8 RGB to -1..1); `clock` returns the time in s."""
         self.steer, self.clock = steer, clock
         self.speed, self.filter = SpeedController(config), SteeringFilter(config.smoothing)
         self.warnings = Warnings(clock)
         self.reset()
 
     def reset(self) -> None:
-        """Forget the past: another car."""
+        """Reset the controllers and the last answer, for another car."""
         self.last = Answer("steer", steer_message(0.0, 0.0, commas=False))
         self._time: float | None = None
         self.speed.reset()
         self.filter.reset()
 
     def answer(self, data: Any) -> Answer:
-        """The answer to a telemetry, whatever it holds; None is manual driving."""
+        """Return the answer to the argument of a telemetry event: any value, None in manual mode. Never raises."""
         began = self.clock()
         if data is None:
             self._time = None
@@ -76,13 +80,18 @@ class Autopilot:
         except BadTelemetry as error:
             self.warnings.say("telemetry cannot be used, the last command stays", error)
             self.last = self.safe_command(commas=uses_commas(data))
-        except Exception:  # whatever it is, the car gets its answer
+        except Exception:  # without an answer, the simulator would send no more telemetry
             log.exception("the driver failed, the last command stays")
             self.last = self.safe_command(commas=uses_commas(data))
         return self.last
 
     def safe_command(self, *, commas: bool | None = None) -> Answer:
-        """The last command once more (straight on without throttle if there is none yet)."""
+        """Return an answer that repeats the last command (at first: steering and throttle 0).
+
+        Args:
+            commas: format the numbers with decimal commas (True) or points (False) as a "steer" event;
+                None: repeat the last event and message unchanged.
+        """
         before = self.last
         if commas is None:
             return Answer(before.event, before.message, before.steering, before.throttle)
@@ -103,23 +112,23 @@ class Autopilot:
 
 
 class FrameClock:
-    """The time of a simulator that runs as fast as it goes: the same from each telemetry to the next."""
+    """Clock for a simulator that does not run in real time: advances by a fixed time per telemetry."""
 
     def __init__(self, seconds: float) -> None:
-        """Pass `seconds` with each answer."""
+        """Create a clock that starts at 0 and advances by `seconds` per answer."""
         self.seconds, self.now = seconds, 0.0
 
     def __call__(self) -> float:
-        """The time, s."""
+        """Return the time in s."""
         return self.now
 
     def tick(self, _answer: Answer) -> None:
-        """An answer was given."""
+        """Advance the clock; to be called after each answer."""
         self.now += self.seconds
 
 
 class Warnings:
-    """Logs warnings, but each kind at most once a second, with how many there were meanwhile."""
+    """Logs warnings, each kind at most once per second, with the number of those suppressed since."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self.clock = clock
@@ -127,7 +136,7 @@ class Warnings:
         self._unsaid: Counter[str] = Counter()
 
     def say(self, kind: str, detail: object) -> None:
-        """Log, or count for the next time."""
+        """Log a warning, or count it if one of the same kind was logged less than 1 s ago."""
         now = self.clock()
         if now - self._last.get(kind, float("-inf")) < 1.0:
             self._unsaid[kind] += 1

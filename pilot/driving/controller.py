@@ -1,34 +1,33 @@
-"""PI speed controller: throttle that holds a set speed."""
+"""PI speed controller and steering filter."""
 
 from dataclasses import dataclass
 
 from pilot.vehicle import REVERSE_BELOW_MPH, TOP_SPEED_MPH
 
-BRAKES_FROM = 6.0  # mph: with a margin for telemetry that is a moment old
-LONGEST_STEP = 0.5  # s: after a longer pause the integral does not make up for it
+BRAKES_FROM = 6.0  # mph; above REVERSE_BELOW_MPH because the telemetry is delayed
+LONGEST_STEP = 0.5  # s; longer pauses are integrated over this time only
 
 
 @dataclass(frozen=True)
 class ControllerConfig:
-    """How fast to drive."""
+    """Options of the speed controller and the steering filter."""
 
     speed: float = 20.0
-    """Set speed in mph; the car's top speed is 30."""
+    """Target speed in mph; the car's top speed is 30."""
     slow_in_curves: float = 0.0
-    """Lower the set speed with the steering: by this share at full lock (0: not at all, 1: down to 5 mph)."""
+    """Relative reduction (0..1) of the target speed at full lock, proportional to the steering; never below 5 mph."""
     smoothing: float = 0.1
-    """Smooth the steering over about this many seconds (0: as the network says). 0.1 halves the jerks and drives as
-    well."""
+    """Time constant of the steering filter in s; 0: off. 0.1 halves the steering jerk without loss of accuracy."""
     kp: float = 0.15
-    """Throttle for each mph too slow."""
+    """Proportional gain of the speed controller: throttle per mph of speed error."""
     ki: float = 0.05
-    """Throttle for each mph too slow and second."""
+    """Integral gain of the speed controller: throttle per mph of speed error and second."""
 
     def check(self) -> None:
-        """Refuse values that cannot work.
+        """Check the ranges of the options.
 
         Raises:
-            ValueError: names the option, its value and what it may be.
+            ValueError: an option is out of range; the message contains its name and the range.
         """
         if not 0 <= self.speed <= TOP_SPEED_MPH:
             raise ValueError(f"--speed {self.speed:g}: must lie in 0..{TOP_SPEED_MPH:g} mph")
@@ -39,7 +38,12 @@ class ControllerConfig:
 
 
 class SpeedController:
-    """Throttle (-1..1) from measured and wanted speed, with a time step and a bounded integral."""
+    """PI controller of the speed, with variable time step and bounded integral.
+
+    Attributes:
+        set_speed: target speed in mph before its reduction in curves; may be changed during the drive.
+        integral: the integral term, as throttle, -1..1.
+    """
 
     def __init__(self, config: ControllerConfig) -> None:
         self.config = config
@@ -47,19 +51,24 @@ class SpeedController:
         self.integral = 0.0
 
     def reset(self) -> None:
-        """Forget the past: a new drive begins."""
+        """Reset the integral, at the beginning of a drive."""
         self.integral = 0.0
 
     def wanted_speed(self, steering: float) -> float:
-        """The speed in mph to drive at with this steering (-1..1)."""
+        """Return the target speed in mph for a steering (-1..1): `set_speed`, reduced as configured."""
         slower = self.config.slow_in_curves * min(abs(steering), 1.0)
         return max(self.set_speed * (1 - slower), min(self.set_speed, REVERSE_BELOW_MPH))
 
     def throttle(self, speed: float, steering: float, seconds: float) -> float:
-        """Throttle -1..1 for a speed in mph, `seconds` after the last call.
+        """Return the throttle (-1..1).
 
-        The integral grows only while the throttle is within its bounds (anti-windup), and a negative
-        throttle, which brakes, is given only where it cannot drive the car backwards.
+        The integral grows only while the throttle is within its bounds (anti-windup). A negative throttle brakes, but
+        reverses at low speed; therefore it is used only above `BRAKES_FROM`.
+
+        Args:
+            speed: measured speed in mph.
+            steering: -1..1.
+            seconds: since the last call.
         """
         error = self.wanted_speed(steering) - speed
         grown = self.integral + self.config.ki * error * min(max(seconds, 0.0), LONGEST_STEP)
@@ -71,18 +80,18 @@ class SpeedController:
 
 
 class SteeringFilter:
-    """Exponential smoothing of the steering over time; off with 0 seconds."""
+    """Exponential smoothing of the steering with a time constant in s; 0: off."""
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
         self.value: float | None = None
 
     def reset(self) -> None:
-        """Forget the past."""
+        """Reset the filter: the next value is returned unchanged."""
         self.value = None
 
     def smooth(self, steering: float, seconds: float) -> float:
-        """The smoothed steering (-1..1), `seconds` after the last call."""
+        """Return the smoothed steering (-1..1), given the steering and the time in s since the last call."""
         if self.value is None or self.seconds <= 0:
             self.value = steering
         else:

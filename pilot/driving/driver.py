@@ -1,4 +1,4 @@
-"""model.pt → steering for one camera frame, as fast as the CPU gives it."""
+"""Low-latency CPU inference of a trained model: one frame to steering."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,20 +12,20 @@ from pilot.model.inference import fast_forward
 from pilot.vehicle import COLUMNS, ROWS
 
 SteeringPolicy = Callable[[Frame], float]  # a 160x320x3 uint8 RGB frame to steering, -1..1
-DrivingCheck = Callable[[SteeringPolicy], tuple[int, float]]  # drives: interventions, mean cross-track error in metres
+DrivingCheck = Callable[[SteeringPolicy], tuple[int, float]]  # to interventions and mean cross-track error in metres
 
-WARM_UP = 5  # the first runs of a network allocate memory, which must not happen while the car drives
+WARM_UP = 5  # forward passes on construction, because the first ones allocate memory and are slow
 
 
 class Driver:
-    """Steers by a trained model. The whole interface: `steer(frame)`.
+    """A loaded model that steers; its method `steer` is a steering policy.
 
     Attributes:
         model: the loaded model.
     """
 
     def __init__(self, model: Model) -> None:
-        """Freeze the network and warm it up, so that the first car waits no longer than any other."""
+        """Prepare the network for fast inference and warm it up."""
         self.model = model
         self._network = fast_forward(model.network)
         for _ in range(WARM_UP):
@@ -36,12 +36,12 @@ class Driver:
         """Load a model file.
 
         Raises:
-            UnusableModel: the file is missing, damaged, or no model of this program.
+            UnusableModel: the file is missing, damaged, or not a model of this program.
         """
         return cls(load_model(path))
 
     def steer(self, frame: Frame) -> float:
-        """Steering (-1..1, right is positive) for a 160x320x3 uint8 RGB frame."""
+        """Return the steering (-1..1, right is positive) for a frame (160x320x3, uint8 RGB)."""
         with torch.inference_mode():
             steering = self._network(torch.from_numpy(np.ascontiguousarray(frame)[None]))
         return min(max(float(steering), -1.0), 1.0)

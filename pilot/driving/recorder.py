@@ -1,4 +1,4 @@
-"""Records a drive in the simulator's own format, so that it can be trained on, replayed, or made a clip of."""
+"""Recording of what `drive.py` does, in the simulator's format, for training, replay and clips."""
 
 import errno
 import logging
@@ -13,28 +13,33 @@ from pilot.driving.autopilot import Answer
 
 log = logging.getLogger("pilot")
 
-WAITING_AT_MOST = 200  # frames; a disk that is slower than the camera loses frames, never the car
+WAITING_AT_MOST = 200  # frames in the queue; if the disk is too slow, frames are dropped so that driving is not delayed
 STOP = None
 
 
 class FolderInUseError(ValueError):
-    """The folder already holds a drive."""
+    """The folder already contains a recording, or is a file."""
 
 
 class Recorder:
-    """Writes each answered frame and its command to a folder, in a thread of its own.
+    """Writes each frame with its command to a folder, in a separate thread.
 
     Attributes:
-        frames: frames written so far.
-        failed: why the recording stopped, or None.
+        frames: number of frames written so far.
+        failed: reason why the recording stopped; None if it did not.
     """
 
     def __init__(self, folder: Path, *, overwrite: bool = False, now: Callable[[], datetime] = datetime.now) -> None:
-        """Prepare the folder.
+        """Create the folder if necessary and start the thread.
+
+        Args:
+            folder: of the recording.
+            overwrite: delete the recording that the folder contains.
+            now: returns the time for the frames' names.
 
         Raises:
-            FolderInUseError: it holds frames, and `overwrite` is not set.
-            OSError: it cannot be made.
+            FolderInUseError: `folder` is a file, or contains a recording and `overwrite` is not set.
+            OSError: the folder cannot be created.
         """
         self.folder, self.now = folder, now
         self.frames = 0
@@ -45,7 +50,7 @@ class Recorder:
         self._thread.start()
 
     def observe(self, answer: Answer) -> None:
-        """Record an answer and its frame; returns at once."""
+        """Queue an answer and its frame for writing; does not block."""
         if answer.telemetry is None or self.failed:
             return
         try:
@@ -54,7 +59,7 @@ class Recorder:
             log.warning("the disk is too slow: a frame was not recorded")
 
     def close(self) -> None:
-        """Write what is waiting, and end."""
+        """Write the queued frames and end the thread."""
         self._queue.put(STOP)
         self._thread.join()
 
@@ -63,7 +68,7 @@ class Recorder:
         with (self.folder / LOG_NAME).open("a", encoding="utf-8") as rows:
             while (item := self._queue.get()) is not STOP:
                 stamp = time_stamp(item[0])
-                if self.failed or stamp == last:  # two frames in a millisecond: there is one name only
+                if self.failed or stamp == last:  # names have a resolution of 1 ms
                     continue
                 last = stamp
                 try:
@@ -73,9 +78,9 @@ class Recorder:
                     self._fail(error)
 
     def _write(self, stamp: str, answer: Answer) -> str:
-        """Write the picture; returns its line of the log."""
+        """Write the image and return its line of the log."""
         assert answer.telemetry is not None
-        path = self.folder / f"{stamp}.jpg"  # as the simulator's original server names it
+        path = self.folder / f"{stamp}.jpg"  # named as by the simulator's original drive.py
         path.write_bytes(answer.telemetry.jpeg)
         self.frames += 1
         return format_line([path.name, "", ""], answer.steering, answer.throttle, answer.telemetry.speed)

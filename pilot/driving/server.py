@@ -1,7 +1,7 @@
-"""Serves the simulator: the only file that knows Socket.IO.
+"""Socket.IO server to which the simulator connects.
 
-The simulator speaks the old protocol (Engine.IO 3, Socket.IO 2) though its address says EIO=4; only
-certain versions of the packages understand it. Others connect, and then the car does not move.
+The simulator uses the old protocol (Engine.IO 3, Socket.IO 2) although it requests EIO=4. Only certain versions of the
+packages support this; with others, the simulator fails to connect, or connects and the car does not move.
 """
 
 import logging
@@ -22,20 +22,20 @@ log = logging.getLogger("pilot")
 
 WORKING_VERSIONS = {"python-socketio": "4.6.1", "python-engineio": "3.13.2"}
 PING_SECONDS, PING_GRACE = 25, 60  # the simulator pings every 25 s, later when it is busy
-REVIVE_SECONDS, REVIVE_AT_MOST = 1.0, 30.0  # silence after which the command is sent again, doubling
-GONE_SECONDS = 5.0  # silence after which another car may be driven
+REVIVE_SECONDS, REVIVE_AT_MOST = 1.0, 30.0  # without telemetry until the command is sent again; doubled each time
+GONE_SECONDS = 5.0  # without telemetry until another car may take over
 Observer = Callable[[Answer], None]
 
 
 class WrongVersionError(RuntimeError):
-    """Packages are installed that the simulator's protocol does not work with."""
+    """The installed packages do not support the simulator's protocol."""
 
 
 def check_versions() -> None:
-    """Refuse package versions that connect, or do not even connect, and never drive.
+    """Check that the installed packages support the simulator's protocol.
 
     Raises:
-        WrongVersionError: names what is installed, what is needed, and the command that mends it.
+        WrongVersionError: they do not; the message contains the versions and the command that installs the right ones.
     """
     wrong = {name: found for name, needed in WORKING_VERSIONS.items() if (found := metadata.version(name)) != needed}
     if wrong:
@@ -48,22 +48,22 @@ def check_versions() -> None:
 
 
 class DriveServer:
-    """Answers the simulator's telemetry.
+    """Server that answers the telemetry of one simulator at a time.
 
     Attributes:
-        autopilot: makes the answers.
+        autopilot: computes the answers.
         observers: called with each answer after it was sent.
-        car: the connection that is being driven; None while none is.
+        car: id of the connection whose car is driven; None while there is none.
     """
 
     def __init__(self, autopilot: Autopilot, observers: Sequence[Observer] = ()) -> None:
-        """Prepare; `serve` begins."""
+        """Create a server; it accepts connections from the call of `serve` on."""
         self.autopilot, self.observers = autopilot, observers
         self.car: str | None = None
         self._heard = 0.0
         self._patience = REVIVE_SECONDS
         self._told: set[str] = set()
-        # handlers run one after another, in order: each telemetry is answered before the next is read
+        # async_handlers=False: each telemetry message is answered before the next one is read
         self.socketio = socketio.Server(
             async_mode="eventlet", async_handlers=False, json=TolerantJson, ping_interval=(PING_SECONDS, PING_GRACE)
         )
@@ -77,11 +77,11 @@ class DriveServer:
             self.socketio.on(name, handler)
 
     def serve(self, listener: PromptSocket, page: Callable[..., Any] | None = None) -> None:
-        """Serve until Ctrl-C.
+        """Serve until interrupted.
 
         Args:
-            listener: where the simulator connects.
-            page: the WSGI application for everything that is not the simulator.
+            listener: listening socket to which the simulator connects.
+            page: WSGI application for all other requests.
 
         Raises:
             KeyboardInterrupt: on Ctrl-C or SIGTERM.
@@ -91,17 +91,17 @@ class DriveServer:
             eventlet.spawn(eventlet.wsgi.server, listener, application, log_output=False, debug=False),
             eventlet.spawn(self._watch),
         ]
-        # as a flag: a KeyboardInterrupt raised inside Engine.IO would end in its bare `except:`
+        # a flag, because a bare `except:` in Engine.IO would swallow a KeyboardInterrupt
         with catch_interrupt() as interrupt:
             while not interrupt.asked and not any(task.dead for task in tasks):
                 eventlet.sleep(0.1)
         for task in tasks:
             if task.dead:
-                task.wait()  # raises what it died of
+                task.wait()  # raises the task's exception
         interrupt.raise_if_asked()
 
     def _connect(self, connection: str, _environment: dict[str, Any]) -> None:
-        # no steer from here: it would only put a third, staler telemetry on the way
+        # no "steer" here: it would only add a third telemetry in flight, which increases the latency
         log.info("simulator connected (%s)", connection[:6])
 
     def _disconnect(self, connection: str) -> None:
@@ -127,10 +127,10 @@ class DriveServer:
 
     def _send(self, connection: str, answer: Answer) -> None:
         self.socketio.emit(answer.event, answer.message, room=connection)
-        eventlet.sleep(0)  # lets it leave before anything else is done
+        eventlet.sleep(0)  # yields, so that the message is sent before the observers run
 
     def _drives(self, connection: str) -> bool:
-        """Whether this connection is the one car that is driven; takes the place of one that is gone."""
+        """Return whether this connection's car is driven; it replaces one that has not sent telemetry for a while."""
         if self.car is not None and connection != self.car and time.monotonic() - self._heard > GONE_SECONDS:
             log.warning("the car (%s) is silent; another takes its place", self.car[:6])
             self._release()
@@ -150,7 +150,7 @@ class DriveServer:
         self.autopilot.reset()
 
     def _watch(self) -> None:
-        """Send the last command again when the car is silent: its telemetry, or our answer, may be lost."""
+        """Repeat the last command if no telemetry arrives, because a telemetry or an answer may have been lost."""
         while True:
             eventlet.sleep(REVIVE_SECONDS / 4)
             if self.car is None or time.monotonic() - self._heard < self._patience:

@@ -1,7 +1,8 @@
-"""The simulator's messages in plain values: telemetry in, steer out. Everything on the wire is a string.
+"""Parsing of the simulator's telemetry messages, and formatting of steer messages.
 
-Numbers follow the PC's locale: a German one sends "29,8572" and takes "0.25" for 25, which is full
-lock. So where telemetry comes with commas, the answer has commas.
+All values are transmitted as strings. Numbers follow the computer's locale: with a German one, the simulator sends
+"29,8572" and reads "0.25" as 25, which is full lock. Therefore telemetry with decimal commas is answered with decimal
+commas.
 """
 
 import base64
@@ -19,20 +20,20 @@ from pilot.vehicle import FULL_LOCK_DEGREES, PLAUSIBLE_SPEED_MPH
 
 
 class BadTelemetry(ValueError):
-    """A telemetry that cannot be driven by; the message says why."""
+    """The telemetry message is invalid; the message says why."""
 
 
 @dataclass(frozen=True)
 class Telemetry:
-    """What the simulator says about the car.
+    """A parsed telemetry message.
 
     Attributes:
-        frame: centre camera, 160x320x3 uint8 RGB.
-        jpeg: the same picture as it came.
+        frame: of the centre camera, 160x320x3 uint8 RGB.
+        jpeg: the same image as received.
         speed: mph.
-        steering: -1..1 (the wire has degrees), what the car does now; 0 if it did not say.
-        throttle: 0..1; 0 if it did not say.
-        commas: whether its numbers have decimal commas.
+        steering: current steering, -1..1 (transmitted in degrees); 0 if missing.
+        throttle: current throttle, 0..1; 0 if missing.
+        commas: whether the numbers have decimal commas.
     """
 
     frame: Frame
@@ -44,10 +45,11 @@ class Telemetry:
 
 
 def parse_telemetry(data: Any) -> Telemetry:
-    """Read the argument of a telemetry event.
+    """Parse the argument of a telemetry event.
 
     Raises:
-        BadTelemetry: a field is missing, of another type, not finite or absurd, or the picture is damaged.
+        BadTelemetry: the argument is not an object, a field is missing or not a finite number, the speed is
+            implausible, or the image is damaged.
     """
     if not isinstance(data, dict):
         raise BadTelemetry(f"telemetry is a {type(data).__name__}, not an object")
@@ -63,7 +65,7 @@ def parse_telemetry(data: Any) -> Telemetry:
 
 
 def uses_commas(data: Any) -> bool:
-    """Whether the numbers of a telemetry have decimal commas."""
+    """Return whether the numbers in the argument of a telemetry event have decimal commas."""
     return isinstance(data, dict) and any(
         isinstance(data.get(name), str) and re.fullmatch(r"\s*-?\d+,\d+(E-?\d+)?\s*", data[name], re.IGNORECASE)
         for name in ("speed", "steering_angle", "throttle")
@@ -92,9 +94,13 @@ def _jpeg(data: dict[str, Any]) -> bytes:
 
 
 def steer_message(steering: float, throttle: float, *, commas: bool) -> dict[str, str]:
-    """The argument of a steer event: both values within -1..1, finite, as strings.
+    """Return the argument of a steer event: both values as strings, clipped to -1..1.
 
-    A value that is not finite becomes 0: on the wire it would end the simulator's loop for good.
+    A value that is not finite becomes 0, because the simulator would never send telemetry again after receiving it.
+
+    Args:
+        steering, throttle: commands.
+        commas: write decimal commas.
     """
     texts = (f"{_bounded(value):.6f}" for value in (steering, throttle))
     angle, pedal = (text.replace(".", ",") if commas else text for text in texts)

@@ -1,9 +1,9 @@
-"""The WebSocket below Socket.IO, prompt and forgiving.
+"""WebSocket transport for Socket.IO with low latency, tolerant of unknown packets.
 
-Three things in it cost most of a round trip when left as they are: eventlet unmasks a telemetry byte
-by byte in Python, reads each of its twenty fragments with four system calls, and Linux holds back
-the acknowledgement that websocket-sharp waits for, as it never sets TCP_NODELAY. And Engine.IO ends
-the connection at the first packet it does not understand.
+Without these changes, three things cause most of the round-trip time: eventlet unmasks a telemetry message byte by byte
+in Python; it reads each of its twenty fragments with four system calls; and Linux delays the acknowledgement for which
+websocket-sharp waits, because it never sets TCP_NODELAY. Moreover, Engine.IO closes the connection at the first packet
+that it does not know.
 """
 
 import contextlib
@@ -16,25 +16,25 @@ from engineio.async_drivers.eventlet import WebSocketWSGI
 from eventlet.greenio import GreenSocket
 from eventlet.websocket import FailedConnectionError, RFC6455WebSocket
 
-LARGEST_MESSAGE = 4 << 20  # bytes; a telemetry has about 20,000
+LARGEST_MESSAGE = 4 << 20  # bytes; a telemetry message has about 20,000
 READ_SIZE = 1 << 16
 QUICK_ACK = getattr(socket, "TCP_QUICKACK", None)  # Linux only
-UNKNOWN = "unknown"  # the event that anything not understood is turned into
+UNKNOWN = "unknown"  # name of the event that replaces every unknown packet
 
 
 class PromptSocket(GreenSocket):  # type: ignore[misc]
-    """A green socket that reads ahead and acknowledges at once; as a listener it accepts such."""
+    """A green socket with read-ahead and immediate acknowledgements; a listening one accepts such sockets."""
 
     _ahead = b""
 
     def accept(self) -> tuple["PromptSocket", Any]:
-        """Wait for a connection; its small messages leave at once."""
+        """Accept a connection, with TCP_NODELAY so that small messages are sent at once."""
         client, address = super().accept()
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return client, address
 
     def recv(self, size: int, flags: int = 0) -> bytes:
-        """Up to `size` bytes, b"" at the end."""
+        """Return up to `size` bytes; b"" at the end of the stream."""
         if not self._ahead:
             self._ahead = super().recv(READ_SIZE, flags)
             self._acknowledge()
@@ -42,17 +42,17 @@ class PromptSocket(GreenSocket):  # type: ignore[misc]
         return data
 
     def _acknowledge(self) -> None:
-        """Linux falls back to delayed acknowledgements by itself, so this is said after every read."""
+        """Set TCP_QUICKACK; necessary after every read, because Linux resets it."""
         if QUICK_ACK is not None:
             with contextlib.suppress(OSError):
                 self.setsockopt(socket.IPPROTO_TCP, QUICK_ACK, 1)
 
 
 class PromptWebSocket(RFC6455WebSocket):  # type: ignore[misc]
-    """A WebSocket that unmasks fast, bounds the size of a message, and hands on only what is understood."""
+    """A WebSocket with fast unmasking and limited message size, which replaces packets unknown to Engine.IO."""
 
     class Message(RFC6455WebSocket.Message):  # type: ignore[misc]
-        """A message under way, of bounded size."""
+        """A partially received message of limited size."""
 
         size = 0
 
@@ -60,7 +60,7 @@ class PromptWebSocket(RFC6455WebSocket):  # type: ignore[misc]
             """Add a fragment.
 
             Raises:
-                FailedConnectionError: the message grows too large.
+                FailedConnectionError: the message is too large.
             """
             self.size += len(data)
             if self.size > LARGEST_MESSAGE:
@@ -74,13 +74,13 @@ class PromptWebSocket(RFC6455WebSocket):  # type: ignore[misc]
         return (np.frombuffer(data, np.uint8, size) ^ np.resize(turned, size)).tobytes()
 
     def wait(self) -> str | None:
-        """The next packet that Engine.IO understands, None at the end."""
+        """Return the next packet, passed through `understand`; None at the end of the connection."""
         packet = super().wait()
         return None if packet is None else understand(packet)
 
 
 def understand(packet: str | bytes) -> str:
-    """A packet as Engine.IO may have it: pings, events and farewells; anything else as an event `unknown`."""
+    """Return pings, events, connect and disconnect packets unchanged, and an event `unknown` for any other packet."""
     if isinstance(packet, str) and (packet.startswith(("42[", "2")) or packet in ("1", "40", "41")):
         return packet
     what = packet[:40] if isinstance(packet, str) else f"{len(packet)} bytes"
@@ -88,16 +88,16 @@ def understand(packet: str | bytes) -> str:
 
 
 class TolerantJson:
-    """JSON for Socket.IO in which whatever is no telemetry reads as an event `unknown`, never as an error."""
+    """JSON module for Socket.IO that decodes everything but telemetry as an event `unknown` instead of failing."""
 
     dumps = staticmethod(json.dumps)
 
     @staticmethod
     def loads(text: str) -> Any:
-        """The event in a packet, [name, argument].
+        """Decode an event: [name] or [name, argument].
 
         Raises:
-            ValueError: no event begins here (Engine.IO tries each packet as JSON before Socket.IO does).
+            ValueError: the text is not an event (Engine.IO tries to decode each packet as JSON before Socket.IO does).
         """
         if not text.startswith("["):
             raise ValueError("no event")
@@ -109,7 +109,7 @@ class TolerantJson:
 
 
 class PromptWebSocketWSGI(WebSocketWSGI):  # type: ignore[misc]
-    """Engine.IO's WebSocket application with our socket in it."""
+    """Engine.IO's WebSocket application with `PromptWebSocket` as its socket."""
 
     def _handle_hybi_request(self, environ: dict[str, Any]) -> PromptWebSocket:
         plain = super()._handle_hybi_request(environ)
@@ -124,12 +124,12 @@ class PromptWebSocketWSGI(WebSocketWSGI):  # type: ignore[misc]
 
 
 def listen(host: str, port: int) -> PromptSocket:
-    """Listen on a port that nobody else listens on.
+    """Return a socket that listens on a port exclusively.
 
     Raises:
-        OSError: the port is taken, or the address is not this machine's; names the cure.
+        OSError: the port is in use, or the address is not this computer's; the message says what to do.
     """
-    # not eventlet.listen: it sets SO_REUSEPORT, and two servers would share the port without a word
+    # not eventlet.listen: it sets SO_REUSEPORT, with which two servers would silently share the port
     try:
         return PromptSocket(socket.create_server((host, port), backlog=16))
     except OSError as error:

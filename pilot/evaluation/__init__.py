@@ -1,1 +1,1 @@
-"""How well a model drives: in the built-in simulator, and on recordings."""
+"""Evaluation of models: in closed loop in the built-in simulator, and by replays of recordings."""

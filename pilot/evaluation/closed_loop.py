@@ -1,7 +1,7 @@
-"""Has a model drive in the built-in simulator, as fast as it goes, and puts the car back when it leaves the road.
+"""Closed-loop evaluation in the built-in simulator, as fast as possible; the car is put back when it leaves the road.
 
-What drives is all of drive.py but its socket: the telemetry with its JPEG picture, the autopilot with
-its speed controller and steering filter, on the simulator's clock.
+All of drive.py is used except its socket: the telemetry with its JPEG image, and the autopilot with its speed
+controller and steering filter, on the simulator's clock.
 """
 
 import functools
@@ -29,32 +29,32 @@ from pilot.simulator.wire.client import build_telemetry, parse_steer
 from pilot.vehicle import MPH, TICK
 from pilot.video.clip import Overlays, make_clip
 
-SLOWEST = 0.25  # share of the set speed; who is slower on average does not get to the end of his laps
+SLOWEST = 0.25  # share of the target speed; a car that is slower on average does not complete its laps in time
 FRAMES_PER_SECOND = 1 / (TICKS * TICK)
-CLIP_START = datetime(2000, 1, 1)  # frames of a clip are named by the simulator's clock
+CLIP_START = datetime(2000, 1, 1)  # time 0 of the simulator in the names of the frames of a clip
 
 PolicyFactory = Callable[[Episode], SteeringPolicy]
 Command = tuple[float, float]
 
 
-# Who drives
+# Steering policies
 
 
 @dataclass(frozen=True)
 class ModelPolicy:
-    """Makes the steering of a trained model.
+    """Makes the steering policy of a trained model; picklable.
 
     Attributes:
-        path: the model file.
+        path: path of the model file.
     """
 
     path: Path
 
     def __call__(self, _drive: Episode | None = None) -> SteeringPolicy:
-        """Load it.
+        """Load the model and return its steering policy.
 
         Raises:
-            UnusableModel: the file is missing, damaged, or no model of this program.
+            UnusableModel: the file is missing, damaged, or not a model of this project.
         """
         return _load(self.path).steer
 
@@ -65,40 +65,40 @@ def _load(path: Path) -> Driver:
 
 
 def expert_policy(episode: Episode) -> SteeringPolicy:
-    """Makes the steering of the expert, who knows the road and needs no picture: what can be reached at best."""
+    """Return the steering policy of the expert, who knows the road and ignores the frame: the best case."""
     expert = Expert(episode)
     return lambda _frame: expert.command()[0]
 
 
-# One drive
+# A single episode
 
 
 def time_limit(track: Track, laps: float, set_speed: float) -> float:
-    """Seconds that a drive may take; `set_speed` in mph."""
+    """Return the longest duration of an episode in seconds; `set_speed` is the target speed in mph."""
     return laps * track.length / (SLOWEST * set_speed * MPH)
 
 
 class Delay:
-    """Commands on their way to the car; the one that arrived last is in force."""
+    """Queue of the commands between autopilot and car; the one that arrived last is in effect."""
 
     def __init__(self, ticks: int) -> None:
-        """Delay commands by so many ticks of 20 ms."""
+        """Delay commands by a number of ticks of 20 ms."""
         self.ticks = ticks
         self._waiting: deque[tuple[int, Command]] = deque()
         self._current: Command = (0.0, 0.0)
 
     def send(self, tick: int, command: Command) -> None:
-        """A command for what was seen at a tick."""
+        """Send the command for the frame of a tick."""
         self._waiting.append((tick + self.ticks, command))
 
     def at(self, tick: int) -> Command:
-        """The command in force at a tick."""
+        """Return the command that is in effect at a tick."""
         while self._waiting and self._waiting[0][0] <= tick:
             self._current = self._waiting.popleft()[1]
         return self._current
 
     def straighten(self) -> None:
-        """The car stands elsewhere: what is on its way is void, the wheels stand straight until the next arrives."""
+        """Discard the commands in transit and steer straight until the next one arrives: the car was put back."""
         self._waiting.clear()
         self._current = (0.0, self._current[1])
 
@@ -112,18 +112,21 @@ def drive_laps(
     seed: int = 0,
     observe: Callable[[Answer], None] = lambda _: None,
 ) -> Trajectory:
-    """Drive; the same arguments give the same drive.
+    """Drive an episode to its end; the result is deterministic.
 
     Args:
-        drive: the car on its road, where it is to start.
-        picture: what the centre camera sees: 160x320x3 uint8 RGB.
-        steer: frame to steering, -1..1.
-        conditions: laps, speed, latency, lost frames.
-        seed: of the frames that get lost.
+        episode: the car on its track, at the start position.
+        picture: renders the centre camera's frame: 160x320x3 uint8 RGB.
+        steer: steering policy.
+        conditions: laps, speed, latency and lost frames.
+        seed: seed of the random choice of lost frames.
         observe: called with every answer of the autopilot.
 
+    Returns:
+        the trajectory, with its interventions.
+
     Raises:
-        RuntimeError: `steer` failed.
+        RuntimeError: `steer` raised an exception; the autopilot has logged it.
     """
     autopilot = Autopilot(steer, conditions.speed, clock=lambda: episode.ticks * TICK)
     delay = Delay(round(conditions.latency_ms / 1000 / TICK))
@@ -142,19 +145,20 @@ def drive_laps(
     return referee.trajectory
 
 
-# Many drives
+# Episodes in worker processes
 
 
 @dataclass(frozen=True)
 class DriveRequest:
-    """One drive that is to be done, in any process.
+    """One episode to be driven, in any process.
 
     Attributes:
-        driver: makes the steering for a car; to be pickled.
-        track: such as lake, or random:7 reversed. light: None is the track's own.
-        start: seed of the start place and of the frames that get lost; None starts at the start line.
-        conditions: how to drive.
-        clip: where a video of it goes; None makes none.
+        driver: makes the steering policy; picklable.
+        track: name of the track, such as lake or random:7 reversed.
+        conditions: driving conditions.
+        light: noon, evening or overcast; None: the track's default.
+        start: seed of the start position and of the lost frames; None: the start line, and seed 0 for the lost frames.
+        clip: path of the clip to be made; None: no clip.
     """
 
     driver: PolicyFactory
@@ -166,12 +170,12 @@ class DriveRequest:
 
 
 def run(request: DriveRequest) -> Trajectory:
-    """Do a drive.
+    """Drive an episode in this process and return its trajectory.
 
     Raises:
         ValueError: there is no such track or light.
         UnusableModel: the model cannot be loaded.
-        RuntimeError: the driver failed.
+        RuntimeError: the steering policy raised an exception.
         OSError: the clip cannot be written.
     """
     simulator = simulator_at(request)
@@ -188,7 +192,7 @@ def run(request: DriveRequest) -> Trajectory:
 
 
 def simulator_at(request: DriveRequest) -> Simulator:
-    """The simulator with the car where a drive is to start.
+    """Return this process's simulator, with the car at the start position.
 
     Raises:
         ValueError: there is no such track or light.
@@ -200,12 +204,12 @@ def simulator_at(request: DriveRequest) -> Simulator:
 
 @functools.cache
 def _simulator() -> Simulator:
-    """One for all drives of a process: the next on the same road finds it built."""
+    """Return the process's only simulator, because it keeps the scene of a track for the next episode."""
     return Simulator()
 
 
 def _filmed(do: Callable[..., Trajectory], episode: Episode, clip: Path) -> Trajectory:
-    """Drive, and make a clip of it."""
+    """Drive an episode with `do` and make a clip of it."""
     with tempfile.TemporaryDirectory() as folder:
         recorder = Recorder(Path(folder), now=lambda: CLIP_START + timedelta(seconds=episode.ticks * TICK))
         try:
@@ -217,5 +221,14 @@ def _filmed(do: Callable[..., Trajectory], episode: Episode, clip: Path) -> Traj
 
 
 def film(folder: Path, clip: Path, fps: float = FRAMES_PER_SECOND) -> None:
-    """Make a clip of a recorded drive, with all instruments; without `fps`, at the speed of the simulator's clock."""
+    """Make a clip of a recording, with overlays of the steering wheel, the speed and the path.
+
+    Args:
+        folder: folder of the recording.
+        clip: path of the video.
+        fps: frames per second; by default those of the simulator's clock.
+
+    Raises:
+        OSError: the clip cannot be written.
+    """
     make_clip(folder, clip, fps=fps, overlays=Overlays(wheel=True, speed=True, path=True))

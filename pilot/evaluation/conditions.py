@@ -1,4 +1,4 @@
-"""What is to be driven, and how: tracks, start places, speed, and what is made difficult."""
+"""Driving conditions of an evaluation (laps, latency, lost frames, speed), and ranges of tracks."""
 
 import re
 from collections.abc import Sequence
@@ -11,28 +11,28 @@ from pilot.vehicle import TICK
 
 TICK_MS = round(1000 * TICK)
 RANDOM_RANGE = re.compile(r"random:(\d+)-(\d+)( reversed)?")
-MOST_TRACKS = 1000  # in a range: more is a slip of the finger
+MOST_TRACKS = 1000  # in a range; more are probably a typing error
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """How to drive."""
+    """Driving conditions of the episodes."""
 
     laps: float = 1.0
-    """Laps of each drive."""
+    """Laps per episode."""
     latency_ms: int = 40
-    """Milliseconds from picture to command, in steps of 20. 40 is what the wire of the built-in simulator has, where
-    two pictures are under way (the real one, with drive.py on the same computer: 16 to 33 for the way there and back);
-    0 is a command at the very moment of its picture, which no simulator gives."""
+    """Delay in milliseconds from a frame to its command, a multiple of 20. 40 is that of the built-in simulator with
+    drive.py, where two frames are in transit (Unity simulator with drive.py on the same computer: 16 to 33, round
+    trip); 0 applies a command at the instant of its frame, which no simulator achieves."""
     lost_frames: float = 0.0
-    """Share of the pictures (0..1) that get lost at random; the last command stays."""
+    """Share of the frames (0..1) that are lost at random; the last command stays in effect."""
     speed: tyro.conf.OmitArgPrefixes[ControllerConfig] = field(default_factory=lambda: ControllerConfig(speed=30.0))
 
     def check(self) -> None:
-        """Refuse what cannot be driven.
+        """Check the values.
 
         Raises:
-            ValueError: names the option, its value and what it may be.
+            ValueError: a value is invalid; the message names the option, its value and the valid range.
         """
         self.speed.check()
         if self.speed.speed < 1:
@@ -46,10 +46,10 @@ class Conditions:
 
 
 def expand_tracks(names: Sequence[str]) -> list[str]:
-    """Tracks by name, each once: ranges such as random:0-4 become their tracks.
+    """Return the names of the tracks without duplicates; ranges such as random:0-4 are expanded.
 
     Raises:
-        ValueError: a range is empty or absurd.
+        ValueError: a range is empty or too large.
     """
     tracks = [track for name in names for track in _expand(name)]
     return list(dict.fromkeys(tracks))

@@ -1,4 +1,4 @@
-"""Has the real drive.py drive the built-in simulator through its socket, as fast as it goes."""
+"""Closed-loop evaluation of drive.py, which drives the built-in simulator through its socket, as fast as possible."""
 
 import os
 import socket
@@ -18,17 +18,19 @@ from pilot.simulator.trajectory import Trajectory
 from pilot.simulator.wire.client import TICKS_PER_ANSWER, Client
 from pilot.vehicle import TICK
 
-PACKAGE = Path(__file__).parents[2]  # where `pilot` is imported from: in a clone it is not installed
-PATIENCE_SECONDS = 30.0  # by the clock, without an answer
+PACKAGE = Path(__file__).parents[2]  # folder that contains `pilot`, which is not installed in a clone
+PATIENCE_SECONDS = 30.0  # wall-clock time without an answer
 EPISODE_LOG = "episode.log"
 
 
 def run_over_socket(request: DriveRequest) -> Trajectory:
-    """Do a drive; latency and lost frames are the wire's own.
+    """Drive an episode through drive.py and return its trajectory.
+
+    The latency is that of the protocol; `latency_ms` and `lost_frames` of the request are ignored.
 
     Raises:
-        ValueError: there is no such track or light, or no model that drive.py could load.
-        RuntimeError: drive.py does not start, or ends on the way; with its last words.
+        ValueError: there is no such track or light, or the driver is not a `ModelPolicy`.
+        RuntimeError: drive.py does not start or ends too early; the message is the last line that it logged.
         TimeoutError: drive.py does not answer.
         OSError: the clip cannot be written.
     """
@@ -71,7 +73,7 @@ def _be_driven(
 
 @contextmanager
 def _serving(request: DriveRequest, folder: Path) -> Iterator[tuple["subprocess.Popen[str]", int]]:
-    """drive.py, once it is ready, and its port; it ends with the block."""
+    """Start drive.py, yield its process and port once it is ready, and terminate it at the end of the block."""
     port = _free_port()
     with (
         (folder / EPISODE_LOG).open("w") as words,

@@ -1,4 +1,4 @@
-"""Pictures of a drive: the road from above with the path on it, and the place in the lane along the lap."""
+"""Figures of episodes: the paths on the road from above, and the cross-track errors along the lap."""
 
 from collections.abc import Iterator, Sequence
 
@@ -16,14 +16,14 @@ from pilot.vehicle import HALF_TRACK
 
 ASPHALT, EDGE, GROUND = "#d6d6d2", "#77776f", "#eef0e8"
 REASONS = {"off the road": ("X", "#d0021b"), "no progress": ("s", "#7b1fa2")}  # marker and colour
-FAR_OUT = 2.0  # metres beside the lane's middle, from where on the path has its last colour
-MARGIN = 0.7  # metres of ground that are shown beside the road
+FAR_OUT = 2.0  # metres; the cross-track error at the end of the colour scale
+MARGIN = 0.7  # metres shown beyond the allowed cross-track errors
 LANE = "the lane's middle"
-JUMP = 2.0  # metres between two states: here the car was put back
+JUMP = 2.0  # metres between consecutive positions; at least as much means that the car was put back
 
 
 def draw_trajectories(title: str, track: Track, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
-    """What became of one or several drives on a track."""
+    """Draw one or more episodes on a track: the paths from above, and the cross-track errors along the lap."""
     figure = Figure((14, 6), layout="constrained")
     above, along = figure.subplots(1, 2, width_ratios=(1, 1.25))
     figure.suptitle(headline(title, scores), fontsize=12)
@@ -34,7 +34,7 @@ def draw_trajectories(title: str, track: Track, trajectories: Sequence[Trajector
 
 
 def headline(title: str, scores: Scores, place: str = LANE) -> str:
-    """What came of it in one line; `place` is where the car should be."""
+    """Return the main scores in one line; `place` is the name of the reference line."""
     text = f"{scores.interventions} intervention{'s' * (scores.interventions != 1)}, autonomy {scores.autonomy:.1f} %"
     return f"{title}: {text}, {scores.cross_track_mean:.2f} m beside {place} on average"
 
@@ -59,7 +59,14 @@ def _closed(points: Floats) -> Floats:
 
 
 def draw_paths(figure: Figure, axis: Axes, trajectories: Sequence[Trajectory], place: str = LANE) -> None:
-    """The paths as seen from above, coloured by the place in the lane, and where the car was put back."""
+    """Draw the paths from above, coloured by absolute cross-track error, and the interventions.
+
+    Args:
+        figure: receives the colour bar.
+        axis: axes of the paths.
+        trajectories: at least one.
+        place: name of the reference line in the colour bar's label.
+    """
     for trajectory in trajectories:
         segments = np.stack([trajectory.positions[:-1], trajectory.positions[1:]], 1)
         continuous = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1) < JUMP
@@ -105,7 +112,7 @@ def _draw_cross_track_errors(axis: Axes, track: Track, trajectories: Sequence[Tr
                 place[part] % track.length, trajectory.cross_track_errors[part], color=f"C{number % 10}", linewidth=1.1
             )
         mark_interventions(axis, place % track.length, trajectory)
-    # seen in the direction of driving: left is up
+    # as seen in the direction of driving: left is up
     axis.set(xlim=(0, track.length), ylim=(highest.max() + MARGIN, lowest.min() - MARGIN))
     axis.set(xlabel="metres along the lap", ylabel=f"metres beside {LANE}")
     axis.yaxis.set_major_formatter(FuncFormatter(side_of_road))
@@ -114,7 +121,7 @@ def _draw_cross_track_errors(axis: Axes, track: Track, trajectories: Sequence[Tr
 
 
 def mark_interventions(axis: Axes, along: Floats, trajectory: Trajectory) -> None:
-    """Where the car was put back, on an axis of offsets over `along` (n)."""
+    """Mark the interventions in a plot of the n cross-track errors over `along` (n, metres)."""
     for each in trajectory.interventions:
         index = int(np.searchsorted(trajectory.times, each.time - 1e-9))
         marker, colour = REASONS[each.reason]
@@ -130,7 +137,7 @@ def mark_interventions(axis: Axes, along: Floats, trajectory: Trajectory) -> Non
 
 
 def _pieces(trajectory: Trajectory, laps: Floats) -> Iterator[slice]:
-    """Stretches of a drive between which a line must not be drawn: laps, and where the car was put back."""
+    """Yield slices that are plotted as separate lines: a new one begins with each lap and after each intervention."""
     put_back = np.isin(trajectory.times[:-1], [each.time for each in trajectory.interventions])
     cuts = np.flatnonzero((np.diff(laps) != 0) | put_back) + 1
     for first, last in zip([0, *cuts], [*cuts, len(laps)], strict=True):
@@ -138,5 +145,5 @@ def _pieces(trajectory: Trajectory, laps: Floats) -> Iterator[slice]:
 
 
 def side_of_road(metres: float, _position: int) -> str:
-    """Metres beside the middle as an axis names them."""
+    """Format a cross-track error in metres as a tick label; a function for `FuncFormatter`."""
     return f"{abs(metres):g} left" if metres < 0 else f"{metres:g} right" if metres > 0 else "0"

@@ -1,9 +1,9 @@
-"""The path of a recorded car, from its steering and speed, beside a smooth line along the road.
+"""Motion of a recorded car, from its steering and speed, and a smooth line along the road that is fitted to it.
 
-The line is that which best explains three things at once, by least squares: roads bend smoothly; the
-car moved as its steering and speed say (bicycle model), but for a little slip; and it stood beside the
-line where it was seen to stand. Everything counts to the right, in metres and radians, as in camera.py;
-angles between car and line are taken as small.
+The fit is a linear least-squares problem with three kinds of equations: the line's curvature changes slowly; the car
+moves by a bicycle model with the recorded steering and speed, apart from a little slip; and its offset from the line
+equals the measured one. Units are metres and radians, positive to the right, as in camera.py; angles between the car
+and the line are assumed to be small.
 """
 
 import math
@@ -21,31 +21,31 @@ from pilot.data.segments import breaks
 from pilot.simulator.car import path_curvature
 from pilot.vehicle import MPH
 
-HARDEST = 12.0  # m/s², more than tyres can do: the car was put somewhere else
-SHORTEST_SEGMENT = 5.0  # s
-SLOWEST_RATE = 4.0  # rows a second; at 30 mph the car moves by 3.4 m from one to the next
-STANDING = 0.01  # metres between two rows, at least, that the equations are given
+HARDEST = 12.0  # m/s²; more than tyres allow: the car was moved to another place
+SHORTEST_SEGMENT = 5.0  # s; shorter ones are not replayed
+SLOWEST_RATE = 4.0  # rows per second; at 30 mph the car moves 3.4 m between two rows
+STANDING = 0.01  # metres; lower bound of the distance between two rows, so that no deviation is 0
 
-# What the least squares hold to be likely, as standard deviations.
-BEND_CHANGES = 0.004  # 1/m per square root of a metre driven: how quickly roads begin to bend
-TURN_SLIPS = 0.003  # rad per square root of a metre: turns that steering does not explain
-TURN_SHARE = 0.05  # the same as a share of the turn that was steered
-SIDE_SLIPS = (0.005, 0.01)  # metres from row to row, and metres per metre driven
+# Standard deviations of the equations
+BEND_CHANGES = 0.004  # 1/m per square root of a metre driven: changes of the road's curvature
+TURN_SLIPS = 0.003  # rad per square root of a metre driven: changes of heading that steering does not explain
+TURN_SHARE = 0.05  # the same, as a share of the steered change of heading
+SIDE_SLIPS = (0.005, 0.01)  # lateral slip in metres per row, and in metres per metre driven
 
 
 class UnusableRecording(ValueError):
-    """A recording that cannot be replayed; the message says why and what to do."""
+    """The recording cannot be replayed; the message states the reason and what to do."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """How a recorded car moved; an entry a row.
+    """Motion of a recorded car; each array has one entry per row.
 
     Attributes:
-        seconds: to the next row.
-        steps: metres driven until the next row.
-        speeds: m/s.
-        curvatures: 1/m, of the path that it steered.
+        seconds: time to the next row in s.
+        steps: distance driven to the next row in metres.
+        speeds: speed in m/s.
+        curvatures: curvature of the steered path in 1/m.
     """
 
     seconds: Floats
@@ -56,12 +56,12 @@ class Motion:
 
 @dataclass(frozen=True)
 class Line:
-    """A smooth line along a road, and where the recorded car stood beside it; an entry a row.
+    """A smooth line along a road, and the recorded car's pose relative to it; each array has one entry per row.
 
     Attributes:
-        offsets: metres, of the car's rear axle to the right of the line.
-        headings: radians, by which the car pointed to the right of the line.
-        curvatures: 1/m, of the line.
+        offsets: metres by which the car's rear axle is to the right of the line.
+        headings: radians by which the car is turned to the right relative to the line.
+        curvatures: curvature of the line in 1/m.
     """
 
     offsets: Floats
@@ -70,13 +70,16 @@ class Line:
 
 
 def continuous_segments(rows: pd.DataFrame) -> Iterator[pd.DataFrame]:
-    """The stretches of a log (as of `DrivingLog.rows`) that were driven without a break, if long enough.
+    """Yield the segments of a log that are long enough for a replay.
 
-    A break is a pause, another recording, or a change of speed that no car can do: after it the car
-    stands somewhere else.
+    Segments also end at repeated times, and at changes of speed that are physically impossible, because the car was
+    moved there.
+
+    Args:
+        rows: rows of a driving log, as in `DrivingLog.rows`.
 
     Raises:
-        UnusableRecording: the log has no speed, or too few rows a second.
+        UnusableRecording: the log contains no speed, or too few rows per second.
     """
     if rows["speed"].isna().any():
         raise UnusableRecording("the log holds no speed, without which the driven path is unknown: record anew")
@@ -94,7 +97,7 @@ def continuous_segments(rows: pd.DataFrame) -> Iterator[pd.DataFrame]:
 
 
 def motion_of(segment: pd.DataFrame) -> Motion:
-    """How the car moved in a drive, by its log."""
+    """Return the motion of the car in a segment from `continuous_segments`."""
     seconds = np.diff(segment["time"].to_numpy(float), append=math.nan)
     seconds[-1] = np.median(seconds[:-1])
     speeds = segment["speed"].to_numpy(float) * MPH
@@ -103,15 +106,15 @@ def motion_of(segment: pd.DataFrame) -> Motion:
 
 
 def fit_line(motion: Motion, seen: Floats, spread: Floats) -> Line:
-    """The line that best explains how the car moved and where it was seen.
+    """Fit a line to the motion of the car and to measurements of its offset.
 
     Args:
-        motion: of the recorded car; n rows.
-        seen: n, metres to the right of the line at which the car was seen to stand.
-        spread: n, metres, standard deviation of that.
+        motion: motion of the recorded car; n rows.
+        seen: n, measured offset of the car in metres to the right of the line.
+        spread: n, standard deviation of `seen` in metres.
     """
     count = len(seen)
-    offset, heading, bend = np.arange(3 * count).reshape(3, count)  # where each is among the unknowns
+    offset, heading, bend = np.arange(3 * count).reshape(3, count)  # indices of the unknowns
     now, then = np.s_[:-1], np.s_[1:]
     step, turn = np.maximum(motion.steps[now], STANDING), (motion.curvatures * motion.steps)[now]
     ones = np.ones_like(step)
@@ -139,10 +142,10 @@ Terms = Sequence[tuple[NDArray[np.int64], Floats]]
 
 
 def _equations(terms: Terms, wanted: Floats, deviation: Floats) -> tuple[sparse.coo_matrix, Floats]:
-    """Rows `sum of coefficient * unknown = wanted`, each divided by its standard deviation."""
+    """Return the equations `sum of coefficient * unknown = wanted`, each divided by its standard deviation."""
     count = len(wanted)
     columns = np.concatenate([unknowns for unknowns, _ in terms])
     values = np.concatenate([coefficients / deviation for _, coefficients in terms])
     rows = np.tile(np.arange(count), len(terms))
-    width = 3 * (count + (1 if len(terms) > 1 else 0))  # dynamics have an equation less than there are rows
+    width = 3 * (count + (1 if len(terms) > 1 else 0))  # n rows have n - 1 equations between them
     return sparse.coo_matrix((values, (rows, columns)), (count, width)), wanted / deviation

@@ -1,13 +1,14 @@
-"""Replays a recording to a model: what it would have seen and where it would have gone, had it steered.
+"""Replays of recordings: a model steers a car whose frames are warped from the recorded ones.
 
-After NVIDIA (Bojarski et al., End to End Learning for Self-Driving Cars, arXiv 1604.07316, section 6):
-recorded pictures are warped to where the model's car stands, the model steers, a bicycle model moves the
-car at the recorded speed, and when it strays too far from where it should be, a person would have
-intervened. NVIDIA's people marked by hand where the lane's middle was; here the road's middle is found
-in the pictures (replay_road.py), and the car should be as far from it as the driver usually was. His
-path itself would not do: a person wanders by a metre, and who keeps the middle would be blamed for it.
-Where the road does not show clearly (hard shadows, no edges), a smooth line through his path must do.
-Where he drove himself, a person would not intervene: what was good enough for him is for the model, too.
+The method follows NVIDIA's simulator (Bojarski et al., End to End Learning for Self-Driving Cars, arXiv 1604.07316,
+section 6): the recorded frame is warped to the position of the replayed car, the model steers, a bicycle model moves
+the car at the recorded speed, and an intervention is counted when the car is too far from a reference line.
+
+NVIDIA labelled the lane's middle by hand. Here the road's middle is detected in the images (replay_road.py), and the
+reference line runs parallel to it, at the median lateral offset of the recorded car. The recorded path itself is a
+worse reference: a person's lateral offset varies by about a metre, which would count as an error of a model that keeps
+to the middle. The smoothed recorded path is used only if the road is not clearly visible (hard shadows, no edges).
+Positions close to that of the recorded car are always allowed, because the person accepted them.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,25 +29,31 @@ from pilot.vehicle import CAMERAS, HALF_TRACK, MPH
 
 Reference = Literal["road", "path"]
 
-UNCLEAR = 0.6  # clarity, below which the road's middle has been seen to be wrong
-LIMITS: dict[Reference, float] = {"road": 3.0, "path": 2.0}  # metres; farther off, warped pictures show little
-DRIVER_MARGIN = 0.5  # metres that a car may be farther off than the driver was himself
+UNCLEAR = 0.6  # below this clarity, detected road middles turned out to be wrong
+LIMITS: dict[Reference, float] = {
+    "road": 3.0,
+    "path": 2.0,
+}  # metres; frames that are warped farther show little of the road
+DRIVER_MARGIN = 0.5  # metres to each side of the recorded car that are always allowed
 
 
 @dataclass(frozen=True)
 class ReplayConfig:
-    """When a replayed car has failed: with a wheel off the road, or too far from where it should be."""
+    """When a replay counts an intervention, and where the car starts.
+
+    An intervention is counted if a wheel is off the road or the cross-track error exceeds the limit.
+    """
 
     limit: float | None = None
-    """Metres from where it should be, at most; None takes that of the reference (`LIMITS`)."""
+    """Largest absolute cross-track error in metres; None: the default of the reference (`LIMITS`)."""
     start: float | None = None
-    """Metres right of where it should be, where a drive begins; None: where the recorded car was."""
+    """Cross-track error in metres at the start of each segment; None: that of the recorded car."""
 
     def check(self) -> None:
-        """Refuse values that cannot work.
+        """Check the values.
 
         Raises:
-            ValueError: names the option, its value and what it may be.
+            ValueError: a value is invalid; the message names the option, its value and the valid range.
         """
         limit = min(LIMITS.values()) if self.limit is None else self.limit
         if not 0.1 <= limit <= 4.0:
@@ -57,13 +64,15 @@ class ReplayConfig:
 
 @dataclass(frozen=True, eq=False)
 class ReplayStep:
-    """What is shown to the model.
+    """One time step of a replay, before the model steers.
 
     Attributes:
-        row: of the log; its Series.
-        frame: 160x320x3 uint8 RGB, as the model's car sees it.
-        offset: metres, heading: radians; to the right of where that car should be.
-        beside: metres, turned: radians; to the right of the car that recorded.
+        row: row of the driving log.
+        frame: 160x320x3 uint8 RGB, warped to the replayed car's position.
+        offset: cross-track error of the replayed car in metres.
+        heading: heading error of the replayed car in radians.
+        lateral_shift: metres by which the replayed car is to the right of the recorded car.
+        heading_shift: radians by which it is turned to the right relative to the recorded car.
     """
 
     row: "pd.Series[Any]"
@@ -79,14 +88,14 @@ StepObserver = Callable[[ReplayStep], None]
 
 @dataclass(frozen=True, eq=False)
 class ReplaySegment:
-    """A part of a recording that was driven without a break, with what it takes to replay it.
+    """A segment of a recording of n rows, with the data for replaying it.
 
     Attributes:
-        rows: of the log.
-        motion: of the car that recorded.
-        line: along the road, and where that car stood beside it.
-        lane: metres to the right of the line, where a car should be.
-        half_widths: metres from the line to the road's edge, row by row; infinite where that is not known.
+        rows: rows of the driving log.
+        motion: motion of the recorded car.
+        line: line along the road, with the recorded car's position relative to it.
+        half_widths: n, metres from the line to the road's edge; infinite if unknown.
+        lane: lateral offset of the reference line from `line` in metres, right is positive.
     """
 
     rows: pd.DataFrame
@@ -97,11 +106,16 @@ class ReplaySegment:
 
     @property
     def driver(self) -> Floats:
-        """Metres by which the car that recorded was to the right of where it should be, row by row."""
+        """Cross-track error of the recorded car in metres (n)."""
         return self.line.offsets - self.lane
 
     def allowed(self, limit: float) -> tuple[Floats, Floats]:
-        """Metres to the right of where it should be, between which a person lets a car drive, row by row."""
+        """Return the lowest and the highest allowed cross-track error in metres (n each).
+
+        Args:
+            limit: largest absolute cross-track error in metres. The range is narrower where a wheel would be off the
+                road, and always includes `DRIVER_MARGIN` to each side of the recorded car.
+        """
         edges = self.half_widths - HALF_TRACK
         lowest = np.minimum(np.maximum(-limit, -edges - self.lane), self.driver - DRIVER_MARGIN)
         highest = np.maximum(np.minimum(limit, edges - self.lane), self.driver + DRIVER_MARGIN)
@@ -110,12 +124,12 @@ class ReplaySegment:
 
 @dataclass(frozen=True)
 class Replayable:
-    """A recording, prepared for any number of models.
+    """A recording that is prepared for replays with any number of models.
 
     Attributes:
-        segments: driven without a break.
-        reference: what a car is measured against: its usual place on the road, or the smoothed path of the driver.
-        clarity: 0..1, how clearly the road was seen.
+        segments: segments of the recording.
+        reference: reference line: parallel to the road's middle ("road"), or the smoothed recorded path ("path").
+        clarity: 0..1, how clearly the road is visible.
     """
 
     segments: tuple[ReplaySegment, ...]
@@ -124,11 +138,14 @@ class Replayable:
 
 
 def prepare(rows: pd.DataFrame) -> Replayable:
-    """Find the road in a log's rows (`DrivingLog.rows`), or if it does not show clearly, the driver's smoothed path.
+    """Detect the road in a recording; if it is not clearly visible, use the smoothed recorded path.
+
+    Args:
+        rows: rows of a driving log, as in `DrivingLog.rows`.
 
     Raises:
-        UnusableRecording: nothing in it can be replayed.
-        UnreadableImage: a picture cannot be read.
+        UnusableRecording: the rows have no speed or are too few per second, or no segment is long enough.
+        UnreadableImage: an image cannot be read.
     """
     parts = list(continuous_segments(rows))
     if not parts:
@@ -147,7 +164,7 @@ def prepare(rows: pd.DataFrame) -> Replayable:
 
 
 def along_path(rows: pd.DataFrame, motion: Motion) -> ReplaySegment:
-    """A segment whose reference is the driver's own path, smoothed as roads are smooth."""
+    """Return a segment whose reference line is the recorded path, smoothed."""
     count = len(rows)
     return ReplaySegment(
         rows, motion, fit_line(motion, np.zeros(count), np.full(count, PATH_SPREAD)), np.full(count, np.inf)
@@ -163,16 +180,17 @@ def replay(
     """Replay a recording.
 
     Args:
-        recording: as `prepare` returns it.
-        steer: frame → steering, such as `Driver.steer`.
-        config: when the car has failed.
-        watch: is shown each moment before the model steers.
+        recording: recording from `prepare`.
+        steer: steering policy, such as `Driver.steer`; its steering is clipped to -1..1.
+        config: limit and start.
+        watch: called at each time step before the model steers.
 
     Returns:
-        what the replayed car did in each segment.
+        one trajectory per segment.
 
     Raises:
-        ValueError: an option's value makes no sense.
+        ValueError: a value of `config` is invalid.
+        UnreadableImage: an image cannot be read.
     """
     config.check()
     limit = LIMITS[recording.reference] if config.limit is None else config.limit
@@ -201,36 +219,36 @@ def _replay(
 
 
 class _ReplayedCar:
-    """The car that the model steers, beside the one that recorded; both drive at the same speed.
+    """Pose of the replayed car relative to the recorded one; both have the same speed.
 
-    Relative to the recorded car it moves by the difference of their steerings alone: whatever else moved
-    that one (slip, slopes, a path reconstructed not quite right) moves both. Angles between the two are
-    taken as small, and so are their distances against the radius of a bend.
+    Only the difference of their steering moves the replayed car relative to the recorded one, because everything else
+    (slip, slopes, errors of the reconstructed path) is assumed to affect both alike. The angle between them is assumed
+    to be small, and so is their distance relative to the radius of a bend.
     """
 
     def __init__(self, segment: ReplaySegment) -> None:
         self._segment, self._index = segment, 0
-        self.lateral_shift, self.heading_shift = 0.0, 0.0  # metres and radians to the right of the recorded car
+        self.lateral_shift, self.heading_shift = 0.0, 0.0  # metres and radians, right is positive
 
     @property
     def offset(self) -> float:
-        """Metres to the right of where it should be."""
+        """Cross-track error in metres."""
         return float(self._segment.driver[self._index]) + self.lateral_shift
 
     @property
     def heading(self) -> float:
-        """Radians to the right of the road's direction."""
+        """Heading error in radians."""
         return float(self._segment.line.headings[self._index]) + self.heading_shift
 
     def put(self, offset: float) -> None:
-        """Put it `offset` metres to the right of where it should be, along the road."""
+        """Set the cross-track error to `offset` metres and the heading error to 0."""
         self.lateral_shift, self.heading_shift = (
             self.lateral_shift + offset - self.offset,
             self.heading_shift - self.heading,
         )
 
     def advance(self, steering: float) -> None:
-        """Drive to the next row, unless this is the last."""
+        """Move the car to the next row; the last row has none."""
         motion, index = self._segment.motion, self._index
         speed, step = float(motion.speeds[index]), float(motion.steps[index])
         turn = (path_curvature(steering, speed) - float(motion.curvatures[index])) * step
@@ -242,7 +260,7 @@ class _ReplayedCar:
 def _trajectory(
     segment: ReplaySegment, offsets: Floats, headings: Floats, steering: Floats, failed: Sequence[int]
 ) -> Trajectory:
-    """The drive as the simulator's are described; its map begins northwards at the origin."""
+    """Return the trajectory in a map where the reference line starts at the origin, heading north."""
     motion, bends = segment.motion, segment.line.curvatures
     times, progress = _before(motion.seconds), _before(motion.steps)
     compass = _before(bends * motion.steps)
@@ -263,5 +281,5 @@ def _trajectory(
 
 
 def _before(amounts: Floats) -> Floats:
-    """Sum of all before each entry."""
+    """Return the exclusive cumulative sum: for each entry the sum of those before it."""
     return np.concatenate([[0.0], np.cumsum(amounts)[:-1]])

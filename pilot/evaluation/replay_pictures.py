@@ -1,4 +1,4 @@
-"""Pictures of a replayed recording: the path from above, the place on the road, recorded and predicted steering."""
+"""Figures of replays: the path from above, the cross-track error, and the recorded and predicted steering."""
 
 from collections.abc import Sequence
 
@@ -13,12 +13,16 @@ from pilot.evaluation.replay import LIMITS, Reference, Replayable, ReplaySegment
 from pilot.simulator.scores import Scores
 from pilot.simulator.trajectory import Trajectory
 
-BREAK = 20.0  # metres on the drawn axis between two stretches
+BREAK = 20.0  # metres on the axis between two segments
 PLACES: dict[Reference, str] = {"road": "the usual place on the road", "path": "the driver's smoothed path"}
 
 
 def draw_replay(title: str, recording: Replayable, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
-    """What became of a replayed recording."""
+    """Draw the replay of a recording, with one trajectory per segment.
+
+    The left panel shows the paths from above; the right ones, over the recording's length, the cross-track error within
+    its allowed range, and the recorded and predicted steering.
+    """
     figure = Figure((14, 7), layout="constrained")
     axes = figure.subplot_mosaic([["above", "offsets"], ["above", "steering"]], width_ratios=(1, 1.6))
     place = PLACES[recording.reference]
@@ -38,7 +42,7 @@ def draw_replay(title: str, recording: Replayable, trajectories: Sequence[Trajec
 
 
 def _side_by_side(trajectories: Sequence[Trajectory]) -> list[Trajectory]:
-    """The paths, each of which begins at 0, 0: moved so that they do not lie upon each other."""
+    """Shift the trajectories, each of which starts near the origin, so that they do not overlap."""
     shifted, right = [], 0.0
     for trajectory in trajectories:
         shift = np.array([right - trajectory.positions[:, 0].min(), -trajectory.positions[:, 1].min()])
@@ -63,7 +67,7 @@ def _draw_steering(axis: Axes, along: Floats, segment: ReplaySegment, trajectory
 
 def _finish(offsets: Axes, steering: Axes, result: str) -> None:
     offsets.axhline(0, color="white", linewidth=1.2)
-    offsets.invert_yaxis()  # seen in the direction of driving: left is up
+    offsets.invert_yaxis()  # as seen in the direction of driving: left is up
     offsets.yaxis.set_major_formatter(FuncFormatter(side_of_road))
     offsets.set(xlabel="metres along the recording", ylabel=result)
     offsets.set_facecolor(GROUND)

@@ -1,9 +1,9 @@
-"""Where the road's middle was, as a recording's own pictures show it.
+"""Detection of the road's middle in the images of a recording.
 
-Seen from above and straightened along the driven path, a road is a row of stripes: land, kerb or edge
-line, asphalt, and the same again in reverse. Its middle is the axis of that symmetry. It is followed
-through a drive by dynamic programming (R. Bellman, Dynamic Programming, 1957): strong and symmetric
-edges a distance apart that seldom changes, with as little wandering from row to row as they allow.
+In a bird's-eye view that is straightened along the driven path, a road consists of parallel stripes: ground, kerb or
+edge line, asphalt, and the same in reverse order. The road's middle is their axis of symmetry. Dynamic programming
+(R. Bellman, Dynamic Programming, 1957) tracks it through a segment: the score rewards strong and symmetric edges, and
+penalises changes of the road's width and lateral movement from row to row.
 """
 
 from collections.abc import Sequence
@@ -19,32 +19,32 @@ from pilot.data.frames import read_frame
 from pilot.evaluation.reference_path import Line, Motion, fit_line
 from pilot.vehicle import BONNET_ROW, CAMERA_AHEAD_OF_REAR_AXLE, COLUMNS
 
-CELL = 0.1  # metres
-ACROSS = np.arange(-90, 91) * CELL  # metres right of the line
-AHEAD = np.arange(3.0, 8.01, 0.5)  # metres from the camera: nearer lies the bonnet, farther hills matter
-PLACES = np.arange(-40, 41) * CELL  # metres right of the line, where the middle is looked for
-HALF_WIDTHS = np.arange(30, 61) * CELL  # metres; less would find the lanes of a road
-REACH = 4  # cells on each side of an edge that are compared
-STRONG = 30.0  # grey levels; a stronger edge counts no more
-JUMPS = (-3, -2, -1, 1, 2, 3)  # cells from one row to the next
-STIFFNESS = 1.0  # cost of a metre aside on a metre driven
-WIDENING = 5.0  # cost of another width from one row to the next, as where a bridge begins
-NEARNESS = 0.02  # cost of a metre from the line, where nothing is seen
-OVERALL = 0.1  # weight of the symmetry of all stripes beside that of the road's edges
+CELL = 0.1  # metres; resolution of the lateral grid
+ACROSS = np.arange(-90, 91) * CELL  # metres to the right of the line at which colours are sampled
+AHEAD = np.arange(3.0, 8.01, 0.5)  # metres from the camera; the bonnet hides what is nearer, hills distort the rest
+PLACES = np.arange(-40, 41) * CELL  # metres to the right of the line; candidates for the middle
+HALF_WIDTHS = np.arange(30, 61) * CELL  # metres; candidates for the half width; smaller ones would match a single lane
+REACH = 4  # cells on each side of an edge whose mean colours are compared
+STRONG = 30.0  # grey levels; contrast from which the strength of an edge is 1
+JUMPS = (-3, -2, -1, 1, 2, 3)  # cells by which the middle may move from one row to the next
+STIFFNESS = 1.0  # cost of a lateral movement divided by the distance driven
+WIDENING = 5.0  # cost of a change of the width from one row to the next, such as at a bridge
+NEARNESS = 0.02  # cost per metre from the line, which decides where no edge is visible
+OVERALL = 0.1  # weight of the symmetry of all stripes relative to that of the road's edges
 
-PATH_SPREAD = 1.5  # metres that a driver strays from the road's middle, as far as nothing else is known
-SIGHT_SPREAD = 0.5  # metres by which the middle is seen wrong
-ROUNDS = 3  # of straightening along the line and finding a better one
+PATH_SPREAD = 1.5  # metres; prior standard deviation of a car's lateral offset
+SIGHT_SPREAD = 0.5  # metres; standard deviation of the detected middle
+ROUNDS = 3  # iterations of straightening along the line and fitting it again
 
 
 @dataclass(frozen=True)
 class Road:
-    """The road of a drive.
+    """The detected road of a segment of n rows.
 
     Attributes:
-        line: the road's middle, and where the recorded car stood beside it.
-        half_widths: metres from the middle to the edge that shows most clearly, row by row.
-        clarity: 0..1, how strong and symmetric that edge was where it was looked for, in the mean.
+        line: the road's middle, with the recorded car's position relative to it.
+        half_widths: n, metres from the middle to the clearest pair of edges.
+        clarity: 0..1, mean strength and symmetry of these edges.
     """
 
     line: Line
@@ -53,10 +53,14 @@ class Road:
 
 
 def find_road(pictures: Sequence[str], motion: Motion) -> Road:
-    """The road's middle, from the centre camera's picture files and the motion of the car.
+    """Detect the road in a segment.
+
+    Args:
+        pictures: n, image files of the centre camera.
+        motion: motion of the recorded car; n rows.
 
     Raises:
-        UnreadableImage: a picture cannot be read.
+        UnreadableImage: an image cannot be read.
     """
     count = len(pictures)
     line = fit_line(motion, np.zeros(count), np.full(count, PATH_SPREAD))
@@ -69,7 +73,7 @@ def find_road(pictures: Sequence[str], motion: Motion) -> Road:
 
 
 def _robust_fit(motion: Motion, seen: Floats) -> Line:
-    """As `fit_line`, with less and less belief in what lies far off (Cauchy's weights)."""
+    """Fit a line robustly, by iteratively reweighted least squares with Cauchy weights."""
     spread = np.full(len(seen), SIGHT_SPREAD)
     for _ in range(4):
         line = fit_line(motion, seen, spread)
@@ -78,7 +82,7 @@ def _robust_fit(motion: Motion, seen: Floats) -> Line:
 
 
 def _stripes(frame: Frame, offset: float, heading: float, curvature: float) -> Floats:
-    """Mean colours (n x 3) along the line at `ACROSS`; NaN where the camera does not see the road."""
+    """Return the mean colours (n x 3) along the line at the n offsets `ACROSS`; NaN where the ground is not visible."""
     ahead = AHEAD[:, None]
     axle = ahead + CAMERA_AHEAD_OF_REAR_AXLE
     right = ACROSS - offset - heading * axle + curvature * axle**2 / 2
@@ -92,7 +96,7 @@ def _stripes(frame: Frame, offset: float, heading: float, curvature: float) -> F
 
 
 def _edges(stripes: Floats) -> Floats:
-    """How the colours change from left to right (n x 3), at most 1 long; 0 where it is not seen."""
+    """Return the changes of colour from left to right (n x 3), of norm 1 at most; 0 where not visible."""
     sums = np.vstack([np.zeros(3), np.nancumsum(stripes, axis=0)])
     edges = np.zeros_like(stripes)
     edges[REACH:-REACH] = (sums[2 * REACH : -1] - 2 * sums[REACH : -REACH - 1] + sums[: -2 * REACH - 1]) / (
@@ -104,7 +108,15 @@ def _edges(stripes: Floats) -> Floats:
 
 
 def _follow(edges: Floats, steps: Floats) -> tuple[Floats, Floats]:
-    """Where the road's middle is right of the line, and its half width (n each, metres)."""
+    """Track the road through a segment of n rows.
+
+    Args:
+        edges: n x cells x 3, from `_edges`.
+        steps: n, metres driven to the next row.
+
+    Returns:
+        metres by which the road's middle is to the right of the line, and its half width in metres; n each.
+    """
     score = np.zeros((len(HALF_WIDTHS), len(PLACES)))
     jumps = np.zeros((len(edges), *score.shape), np.int8)
     widths = np.zeros_like(jumps)
@@ -124,7 +136,7 @@ def _follow(edges: Floats, steps: Floats) -> tuple[Floats, Floats]:
 
 
 def _best_width(score: Floats) -> tuple[Floats, NDArray[np.int8]]:
-    """For each width and place the best score that it can be reached with in the same row, and from which width."""
+    """Return each width's and place's best score after a possible change of width, and the width before it."""
     best = score.argmax(0)
     changed = score.max(0) - WIDENING
     kept = np.arange(len(score))[:, None]
@@ -132,7 +144,7 @@ def _best_width(score: Floats) -> tuple[Floats, NDArray[np.int8]]:
 
 
 def _best_jump(score: Floats, cost: float) -> tuple[Floats, NDArray[np.int8]]:
-    """For each place the best score that it can be reached with from the row before, and the jump that does."""
+    """Return each width's and place's best score after a possible jump from the previous row, and the jump in cells."""
     best, jumps = score.copy(), np.zeros(score.shape, np.int8)
     for jump in JUMPS:
         to, source = (np.s_[:, jump:], np.s_[:, :-jump]) if jump > 0 else (np.s_[:, :jump], np.s_[:, -jump:])
@@ -149,13 +161,13 @@ _INSIDE = (_LEFT >= 0) & (len(ACROSS) > _RIGHT)
 
 
 def _evidence(edges: Floats) -> Floats:
-    """How much a row's edges speak for each half width and place of the middle."""
+    """Return the score of a row's edges for each half width and place of the middle."""
     strength, symmetry = _pairs(edges)
     return np.asarray(strength + symmetry + OVERALL * symmetry.clip(0).sum(0) - NEARNESS * np.abs(PLACES))
 
 
 def _pairs(edges: Floats) -> tuple[Floats, Floats]:
-    """For each half width and place of the middle: how strong the two edges are, and how alike (-1..1)."""
+    """Return strength (0..1) and symmetry (-1..1) of the two edges for each half width and place of the middle."""
     left, right = (edges[index.clip(0, len(ACROSS) - 1)] * _INSIDE[..., None] for index in (_LEFT, _RIGHT))
     return (np.linalg.norm(left, axis=2) + np.linalg.norm(right, axis=2)) / 2, -(left * right).sum(2)
 

@@ -1,4 +1,4 @@
-"""What models are tried on, a row of the table each: tracks to drive, recordings to replay."""
+"""Scenarios on which models are evaluated: tracks to drive and recordings to replay."""
 
 import functools
 import tempfile
@@ -26,30 +26,30 @@ from pilot.simulator.catalogue import file_name, load_track
 from pilot.simulator.scores import Scores
 from pilot.simulator.trajectory import Trajectory
 
-DriveTask = Callable[[], Sequence[Trajectory]]  # in any process: to be pickled
+DriveTask = Callable[[], Sequence[Trajectory]]  # picklable, because it runs in a worker process
 
 
 class Scenario(Protocol):
-    """A row of the table."""
+    """What a model is evaluated on: one row of the score table."""
 
     @property
     def title(self) -> str:
-        """As the table names it."""
+        """Name in the table."""
 
     @property
     def file(self) -> str:
-        """As its pictures are called."""
+        """Stem of the names of its figure and clips."""
 
     def drive_tasks(self, driver: PolicyFactory, clips: Path | None) -> list[DriveTask]:
-        """What is to be driven, in pieces that can be done side by side.
+        """Return tasks that can run in parallel; each returns its trajectories.
 
         Args:
-            driver: who drives.
-            clips: folder for a video of each; None makes none.
+            driver: makes the steering policy.
+            clips: folder for a clip of each task; None: no clips.
         """
 
     def draw(self, title: str, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
-        """What came of it, as a picture."""
+        """Draw the trajectories and the main scores; `title` is the first part of the heading."""
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,11 @@ class TrackScenario:
     """A track of the built-in simulator.
 
     Attributes:
-        track: such as lake, or random:7 reversed. light: None is the track's own.
-        starts: seeds of the start places; None starts at the start line.
-        conditions: how to drive.
-        socket: whether through drive.py and its socket.
+        track: name of the track, such as lake or random:7 reversed.
+        light: noon, evening or overcast; None: the track's default.
+        starts: seeds of the start positions, one episode each; None: the start line.
+        conditions: driving conditions.
+        socket: whether drive.py drives through its socket.
     """
 
     track: str
@@ -71,16 +72,16 @@ class TrackScenario:
 
     @property
     def title(self) -> str:
-        """As the table names it."""
+        """Name in the table."""
         return self.track + (f", {self.light}" if self.light else "")
 
     @property
     def file(self) -> str:
-        """As its pictures are called."""
+        """Stem of the names of its figure and clips."""
         return file_name(self.title)
 
     def drive_tasks(self, driver: PolicyFactory, clips: Path | None) -> list[DriveTask]:
-        """A drive for each start place."""
+        """Return one task per start position."""
         return [functools.partial(self._drive, driver, start, clips) for start in self.starts]
 
     def _drive(self, driver: PolicyFactory, start: int | None, clips: Path | None) -> list[Trajectory]:
@@ -89,7 +90,7 @@ class TrackScenario:
         return [run_over_socket(request) if self.socket else run(request)]
 
     def draw(self, title: str, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
-        """The road from above with the paths on it, and the place in the lane."""
+        """Draw the paths on the road from above, and the cross-track errors along the lap."""
         return draw_trajectories(title, load_track(self.track), trajectories, scores)
 
 
@@ -98,8 +99,8 @@ class RecordingScenario:
     """A recording that is replayed.
 
     Attributes:
-        name: of it.
-        recording: prepared.
+        name: name of the recording.
+        recording: recording from `prepare`.
     """
 
     name: str
@@ -107,19 +108,19 @@ class RecordingScenario:
 
     @property
     def title(self) -> str:
-        """As the table names it: with what a car is measured against."""
+        """Name in the table, with the kind of reference line."""
         return f"{self.name} (by the {'road' if self.recording.reference == 'road' else 'path of its driver'})"
 
     @property
     def file(self) -> str:
-        """As its pictures are called."""
+        """Stem of the names of its figure and clips."""
         return f"replay-{self.name}"
 
     def drive_tasks(self, driver: PolicyFactory, clips: Path | None) -> list[DriveTask]:
-        """All its stretches, one after another.
+        """Return one task that replays all segments.
 
         Raises:
-            ValueError: the driver steers by more than pictures.
+            ValueError: the driver is the expert, which needs the track's geometry.
         """
         if not isinstance(driver, ModelPolicy):
             raise ValueError("the expert drives in the built-in simulator only: a recording has no road to know")
@@ -132,16 +133,20 @@ class RecordingScenario:
             return _filmed(Path(folder), self.recording, driver(), clip)
 
     def draw(self, title: str, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
-        """The path, the place on the road, recorded and predicted steering."""
+        """Draw the paths, the cross-track errors, and the recorded and predicted steering."""
         return draw_replay(title, self.recording, trajectories, scores)
 
 
 def prepare_scenario(last_part: float, named: tuple[str, Path]) -> RecordingScenario:
-    """Make the last share (0..1) of a recording, a name and its folder, ready to be replayed.
+    """Read the last part of a recording and prepare it for replays.
+
+    Args:
+        last_part: share of the recording to replay, 0..1, counted from its end.
+        named: name and folder of the recording.
 
     Raises:
-        NoUsableData: there is nothing in it.
-        UnusableRecording: it cannot be replayed.
+        NoUsableData: the recording contains no usable rows.
+        UnusableRecording: the recording cannot be replayed.
     """
     name, folder = named
     rows = share_of_each(read_driving_logs([folder]).rows, 1 - last_part, 1)
@@ -149,7 +154,7 @@ def prepare_scenario(last_part: float, named: tuple[str, Path]) -> RecordingScen
 
 
 def _filmed(folder: Path, recording: Replayable, steer: SteeringPolicy, clip: Path) -> list[Trajectory]:
-    """Replay, and make a clip of what the model saw and did, by way of a drive as drive.py records it."""
+    """Replay, and make a clip of the warped frames and the steering, which are first recorded into `folder`."""
     rows = pd.concat([segment.rows for segment in recording.segments])
     fps = round(1 / float(rows["time"].diff().median()), 2)
     names = [f"{time_stamp(CLIP_START + timedelta(seconds=number / fps))}.jpg" for number in range(len(rows))]

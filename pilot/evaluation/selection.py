@@ -1,4 +1,4 @@
-"""How well a network drives in the middle of its training: short checks, to choose the epoch by."""
+"""Short driving checks during training, by which the best epoch is selected."""
 
 import functools
 
@@ -12,13 +12,16 @@ from pilot.evaluation.replay import Replayable, prepare, replay
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.trajectory import Trajectory
 
-# roads that are in no demonstration; another seed of the start place for each
+# tracks that no demonstration contains; the start position of each has a different seed
 ROADS = tuple(f"random:{seed}" for seed in range(2000, 2006))
 SHORT = Conditions(laps=0.2)
 
 
 def driving_check() -> DrivingCheck:
-    """Drives a part of each of some built-in roads: interventions, and mean cross-track error in metres."""
+    """Return a check that drives a part of each of several random tracks.
+
+    It returns the number of interventions and the mean absolute cross-track error in metres.
+    """
     simulator = Simulator()
 
     def check(steer: SteeringPolicy) -> tuple[int, float]:
@@ -33,10 +36,13 @@ def _drive(simulator: Simulator, road: str, start: int, steer: SteeringPolicy) -
 
 
 def replay_check(rows: pd.DataFrame) -> DrivingCheck:
-    """Replays rows of a log: interventions, and mean cross-track error in metres.
+    """Return a check that replays the rows of a driving log.
+
+    It returns the number of interventions and the mean absolute cross-track error in metres.
 
     Raises:
-        UnusableRecording: they cannot be replayed.
+        UnusableRecording: the rows cannot be replayed.
+        UnreadableImage: an image cannot be read.
     """
     return functools.partial(_replay, prepare(rows))
 

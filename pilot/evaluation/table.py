@@ -1,4 +1,4 @@
-"""Scores of one or several models as a table to read, and as JSON."""
+"""Scores of one or more models as a text table and as JSON."""
 
 import json
 from collections.abc import Sequence
@@ -24,17 +24,17 @@ TABLE_COLUMNS = {
     "steering_rate": ("steering, 1/s", ".2f"),
     "steering_jerk": ("jerk, 1/s²", ".1f"),
 }
-COMPARED = ("interventions", "autonomy", "cross_track_mean", "steering_rate")  # of several models side by side
+COMPARED = ("interventions", "autonomy", "cross_track_mean", "steering_rate")  # columns for several models
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What one model was found to be worth.
+    """Scores of one model.
 
     Attributes:
-        model: its name in tables.
-        rows: scores by track, recording, or whatever else it was tried on.
-        total: all of them together.
+        model: name of the model in tables.
+        rows: scores of each scenario.
+        total: scores of all scenarios together.
     """
 
     model: str
@@ -43,12 +43,12 @@ class Evaluation:
 
     @property
     def lines(self) -> tuple[Scores, ...]:
-        """The lines of a table: the total is one of its own where there is something to sum up."""
+        """Rows of a table: those of the scenarios, and the total if there are several."""
         return (*self.rows, self.total) if len(self.rows) > 1 else self.rows
 
 
 def table(evaluations: Sequence[Evaluation]) -> str:
-    """A table with a row per track: all scores of one model, the main ones of several side by side."""
+    """Return a text table with a row per scenario: all scores of one model, or the main scores of several models."""
     if len(evaluations) == 1:
         return _frame(evaluations[0], tuple(TABLE_COLUMNS)).to_string()
     frames = {evaluation.model: _frame(evaluation, COMPARED) for evaluation in evaluations}
@@ -66,7 +66,7 @@ def _cell(value: float | None, form: str) -> str:
 
 
 def verdict(evaluation: Evaluation) -> str:
-    """One line about a model, with how sure it is."""
+    """Return a one-line summary of a model with 95 % confidence intervals."""
     total = evaluation.total
     return (
         f"{evaluation.model}: autonomy {total.autonomy:.1f} % ({_between(total.autonomy_interval)}), "
@@ -80,10 +80,10 @@ def _between(interval: Interval) -> str:
 
 
 def write_json(path: Path, evaluations: Sequence[Evaluation], options: dict[str, Any]) -> None:
-    """Write evaluations, and what they were made with, whole or not at all.
+    """Write evaluations and the options of the evaluation to a JSON file, atomically.
 
     Raises:
-        OSError: the folder cannot be written to.
+        OSError: the file cannot be written.
     """
     content = {"options": options, "evaluations": [_to_jsonable(evaluation) for evaluation in evaluations]}
     text = json.dumps(content, indent=2, allow_nan=False, default=str)
@@ -99,11 +99,11 @@ def _to_jsonable(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def read_json(path: Path) -> list[Evaluation]:
-    """The evaluations that `write_json` wrote.
+    """Read the evaluations from a file of `write_json`.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: it holds something else.
+        ValueError: the file does not contain evaluations.
     """
     try:
         return [_from_jsonable(item) for item in json.loads(path.read_text())["evaluations"]]

@@ -14,7 +14,7 @@ def build_network(name: str, seed: int | None = None) -> SteeringNetwork:
 
     Args:
         name: one of `network_names()`.
-        seed: of the initialisation; None: PyTorch's global random generator is used.
+        seed: seed of the initialisation; None: PyTorch's global random generator is used.
 
     Raises:
         ValueError: there is no network of this name.

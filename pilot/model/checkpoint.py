@@ -31,8 +31,8 @@ class Model:
     """A trained network with its options and metrics.
 
     Attributes:
-        name: of the network.
-        network: in evaluation mode, on the CPU.
+        name: name of the network.
+        network: the network in evaluation mode, on the CPU.
         config: the training options, as plain values.
         data: summary of the training data.
         metrics: validation metrics of the selected epoch.
@@ -88,7 +88,7 @@ def load_values(path: Path, cure: str) -> Any:
     """Load a file of tensors and plain values.
 
     Args:
-        path: of a file written with `torch.save`.
+        path: path of a file written with `torch.save`.
         cure: what the user can do if the file cannot be used; appended to the error message.
 
     Raises:

@@ -25,7 +25,7 @@ def fast_forward(network: SteeringNetwork) -> Operation:
     Its result equals the network's except for rounding.
 
     Args:
-        network: in evaluation mode; later changes of its weights have no effect.
+        network: a network in evaluation mode; later changes of its weights have no effect.
     """
     folded = fold_dense(network)
     if type(network).forward is not SteeringNetwork.forward or type(network.layers) is not nn.Sequential:
@@ -90,9 +90,10 @@ def _operation(layer: nn.Module) -> Operation:
 
 
 def fold_dense(network: SteeringNetwork) -> SteeringNetwork:
-    """Return a copy with consecutive dense layers merged, where nothing is between them as in the reports' networks.
+    """Return a copy in which consecutive dense layers with biases (no activation between them) are merged.
 
-    The steering is the same except for rounding; `nvidia` then reads 2,112 weights per frame instead of 2.6 million.
+    Most of the reports' networks have such layers; `nvidia` then reads 2,112 of these weights per frame instead of 2.6
+    million. The steering is the same except for rounding.
     """
     folded = copy.deepcopy(network)
     if type(network.layers) is not nn.Sequential:  # its `forward` may connect the layers differently

@@ -19,7 +19,7 @@ class SteeringNetwork(nn.Module):
 
     Attributes:
         rows: first frame row that the network uses, and the one after the last.
-        columns: the same for columns.
+        columns: first frame column that the network uses, and the one after the last.
         layers: maps the prepared images to N x 1; set by the subclass.
     """
 

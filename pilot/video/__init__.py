@@ -1,1 +1,1 @@
-"""From a recorded drive to a video."""
+"""Conversion of recordings to videos."""

@@ -1,4 +1,4 @@
-"""A recorded drive → a video in H.264, with overlays on request."""
+"""Encoding of a recording as an H.264 video, with optional overlays."""
 
 import itertools
 import statistics
@@ -18,17 +18,17 @@ from pilot.files import move_when_done
 from pilot.progress import ProgressBar, no_bar
 from pilot.video.overlays import draw_path, draw_speed, draw_wheel
 
-DEFAULT_FPS = 15.0  # where the names of the frames carry no time
-SCALE_TO = 640  # pixels: overlays are legible from this width on
+DEFAULT_FPS = 15.0  # if the frames' names contain no time stamps
+SCALE_TO = 640  # pixels, minimum width at which overlays are legible
 
 
 class NoFramesError(ValueError):
-    """There is nothing to make a clip of; the message names the folder and the cure."""
+    """There are no readable frames; the message contains the folder and what to do."""
 
 
 @dataclass(frozen=True)
 class LogEntry:
-    """What the log says about a frame; None where it does not."""
+    """Steering (-1..1) and speed (mph) of a frame in the driving log; None where the log has no value."""
 
     steering: float | None = None
     speed: float | None = None
@@ -36,13 +36,13 @@ class LogEntry:
 
 @dataclass(frozen=True)
 class Overlays:
-    """What is drawn on the frames.
+    """Overlays to be drawn on the frames.
 
     Attributes:
         wheel: a steering wheel.
         speed: the speed in mph.
-        path: the path that the steering drives, on the road.
-        saliency: what the network looked at: a function that draws it into a frame.
+        path: the path on the road that results from the steering.
+        saliency: function that returns a frame with the network's saliency drawn into it; None: no saliency.
     """
 
     wheel: bool = False
@@ -52,13 +52,13 @@ class Overlays:
 
     @property
     def any(self) -> bool:
-        """Whether anything is drawn."""
+        """Whether there is any overlay."""
         return self.wheel or self.speed or self.path or self.saliency is not None
 
 
 @dataclass
 class ClipResult:
-    """What became of a drive: frames in the clip, and those that could not be read."""
+    """Number of frames in a clip and of unreadable frames left out; duration of the clip in s."""
 
     frames: int = 0
     unreadable: int = 0
@@ -66,10 +66,10 @@ class ClipResult:
 
 
 def find_frames(folder: Path) -> list[Path]:
-    """The frames of a drive in order of time: *.jpg in the folder, else the centre camera's in IMG/.
+    """Return the images of a recording, sorted by name: those in the folder, else those of the centre camera in IMG/.
 
     Raises:
-        NoFramesError: there is no such folder, or no frame in it.
+        NoFramesError: the folder does not exist or contains no images.
     """
     if not folder.is_dir():
         raise NoFramesError(f"{folder}: no such folder. Record a drive first: python drive.py model.pt {folder}")
@@ -82,14 +82,14 @@ def find_frames(folder: Path) -> list[Path]:
 
 
 def frame_rate(frames: list[Path]) -> float:
-    """Frames a second as the time stamps in the names have it: one over the median gap."""
+    """Return the frames per second (at most 60), from the median interval of the time stamps in the names."""
     times = [time_of(path.name) for path in frames]
     gaps = [after - before for before, after in itertools.pairwise(times) if 0 < after - before < 1]
     return min(round(1 / statistics.median(gaps), 2), 60.0) if gaps else DEFAULT_FPS
 
 
 def read_log_entries(folder: Path) -> dict[str, LogEntry]:
-    """What the drive's log says, by the frame's name; empty without a log."""
+    """Return the values in the recording's log by the name of the centre image; empty without a log."""
     log = folder / LOG_NAME
     if not log.is_file():
         return {}
@@ -116,16 +116,20 @@ def make_clip(
     overlays: Overlays | None = None,
     progress: ProgressBar[Path] = no_bar,
 ) -> ClipResult:
-    """Write the drive in `folder` as a video; frames that cannot be read are left out and counted.
+    """Encode a recording as a video; unreadable frames are left out and counted.
 
-    The clip is written under a temporary name and renamed at the end. All frames get the first one's
-    size (doubled for overlays); others are scaled to it.
+    The clip is written under a temporary name and renamed at the end. All frames are scaled to the size of the first,
+    which is enlarged to a width of 640 if there are overlays.
 
     Args:
-        fps: frames a second; None takes the time stamps'.
+        folder: of the recording.
+        target: video file to write (mp4).
+        fps: frames per second; None: from the time stamps.
+        overlays: None: no overlays.
+        progress: progress bar for the frames.
 
     Raises:
-        NoFramesError: no folder, no frames, or none that can be read.
+        NoFramesError: the folder does not exist, or contains no readable frames.
     """
     frames, result = find_frames(folder), ClipResult()
     rate = fps or frame_rate(frames)
@@ -155,7 +159,7 @@ def _pictures(
 
 
 def decorate(frame: Frame, log_entry: LogEntry, overlays: Overlays) -> Frame:
-    """The frame with overlays, enlarged so that they are legible; as it is without any."""
+    """Return a frame with overlays, enlarged so that they are legible; unchanged if there are none."""
     if not overlays.any:
         return frame
     if overlays.saliency:
@@ -170,7 +174,7 @@ def decorate(frame: Frame, log_entry: LogEntry, overlays: Overlays) -> Frame:
 
 
 def _encode(container: av.container.OutputContainer, rate: float, first: Frame, rest: Iterator[Frame]) -> None:
-    """H.264 with 4:2:0 colours and the index in front: what every browser plays."""
+    """Encode frames as H.264 with 4:2:0 chroma subsampling, which all browsers can play."""
     stream = container.add_stream("libx264", rate=Fraction(rate).limit_denominator(1000))
     height, width = (size - size % 2 for size in first.shape[:2])  # 4:2:0 needs even sizes
     stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"

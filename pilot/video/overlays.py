@@ -1,4 +1,4 @@
-"""Instruments drawn on a frame: steering wheel, speed, path on the road."""
+"""Overlays for frames: steering wheel, speed, path on the road."""
 
 import functools
 import math
@@ -12,12 +12,12 @@ from pilot.camera import path_pixels
 from pilot.vehicle import COLUMNS, FULL_LOCK, HALF_TRACK
 
 WHITE, AMBER, DARK = (255, 255, 255), (255, 170, 40), (30, 30, 30)
-WHEEL_TURN = 4  # the drawn wheel turns this much more than the car's wheels: else nothing is seen
-SUBPIXEL = 4  # bits, for smooth lines
+WHEEL_TURN = 4  # angle of the drawn steering wheel relative to that of the front wheels, to be clearly visible
+SUBPIXEL = 4  # fractional bits of coordinates, for antialiased lines
 
 
 def draw_path(frame: Frame, steering: float) -> None:
-    """Draw where the wheels go with this steering (-1..1), into the frame (RGB, 2:1, any size)."""
+    """Draw the path of the wheels for a steering (-1..1) into a frame (RGB, 2:1, any size)."""
     scale = frame.shape[1] / COLUMNS
     sides = [path_pixels(steering, lateral=side * HALF_TRACK) * scale for side in (-1, 1)]
     area = np.vstack([sides[0], sides[1][::-1]]).astype(np.int32)
@@ -30,7 +30,7 @@ def draw_path(frame: Frame, steering: float) -> None:
 
 
 def draw_wheel(frame: Frame, steering: float) -> None:
-    """Draw a steering wheel, turned by `steering` (-1..1), into the frame's lower left corner."""
+    """Draw a steering wheel, turned by `steering` (-1..1), into the lower left corner of a frame."""
     radius = frame.shape[0] // 8
     middle = np.array([radius * 1.4, frame.shape[0] - radius * 1.4])
     turn = steering * FULL_LOCK * WHEEL_TURN
@@ -44,13 +44,13 @@ def draw_wheel(frame: Frame, steering: float) -> None:
 
 
 def _fixed(point: np.ndarray, radius: float = 0) -> tuple[tuple[int, int], int]:
-    """A point and a radius in OpenCV's fixed-point pixels."""
+    """Convert a point and a radius to OpenCV's fixed-point pixels."""
     x, y = (point * (1 << SUBPIXEL)).astype(int).tolist()
     return (x, y), int(radius * (1 << SUBPIXEL))
 
 
 def draw_speed(frame: Frame, speed: float) -> Frame:
-    """The frame with the speed in mph in its lower right corner."""
+    """Return a copy of a frame with the speed in mph drawn into its lower right corner."""
     picture = Image.fromarray(frame)
     height, width = frame.shape[:2]
     place = (width - height // 16, height - height // 16)

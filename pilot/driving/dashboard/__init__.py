@@ -1,1 +1,1 @@
-"""The page that shows a drive live in a browser."""
+"""Web page that shows a drive live."""

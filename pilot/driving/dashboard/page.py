@@ -1,4 +1,4 @@
-"""The page's HTTP side: static files, a stream of events, and the set speed."""
+"""Flask application of the page: static files, a stream of events, and changes of the target speed."""
 
 import base64
 import json
@@ -17,11 +17,19 @@ from pilot.model.checkpoint import Model
 from pilot.model.saliency import overlay, saliency
 from pilot.vehicle import TOP_SPEED_MPH
 
-EVENT_SECONDS = 0.1  # ten pictures a second are enough to watch, and leave the car its time
+EVENT_SECONDS = 0.1  # between events; ten per second suffice, and delay the driving little
 
 
 def create_page(state: DriveState, model: Model) -> Flask:
-    """The application for http://127.0.0.1:4567/."""
+    """Create the application.
+
+    Its routes are `/` (the page), `/events` (server-sent events; with `?saliency=1` the frames show the saliency) and
+    `/speed` (POST of JSON with `mph`: sets the target speed).
+
+    Args:
+        state: of the drive that is shown.
+        model: for the saliency.
+    """
     app = Flask(__name__, static_folder=str(Path(__file__).parent / "static"), static_url_path="/static")
 
     @app.get("/")
@@ -46,14 +54,14 @@ def create_page(state: DriveState, model: Model) -> Flask:
 
 
 def _events(state: DriveState, model: Model, *, saliency_wanted: bool) -> Iterator[str]:
-    """Server-sent events: a snapshot and, where it is new, the frame."""
+    """Yield server-sent events: a snapshot, with the frame if it is new."""
     since, number = 0.0, -1
     while True:
         snapshot = state.snapshot(since)
         since = snapshot["samples"][-1]["time"] if snapshot["samples"] else since
         if state.number != number and state.answer and state.answer.telemetry:
             telemetry = state.answer.telemetry
-            # a thread of the system, not a green one: the car is answered meanwhile
+            # in a native thread, so that telemetry is answered meanwhile
             jpeg = tpool.execute(_glowing, model, telemetry.frame) if saliency_wanted else telemetry.jpeg
             snapshot["frame"] = base64.b64encode(jpeg).decode()
         number = state.number
@@ -62,6 +70,6 @@ def _events(state: DriveState, model: Model, *, saliency_wanted: bool) -> Iterat
 
 
 def _glowing(model: Model, frame: Frame) -> bytes:
-    """The frame with what the network looked at, as JPEG."""
+    """Return the frame with its saliency drawn into it, as JPEG."""
     picture = overlay(frame, saliency(model.network, frame))
     return cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1].tobytes()

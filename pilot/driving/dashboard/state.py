@@ -1,4 +1,4 @@
-"""What the page shows: the drive as it is now, and its last minute."""
+"""Data that the page shows: the current state of the drive, and its last minute."""
 
 import time
 from collections import deque
@@ -7,31 +7,36 @@ from typing import Any
 
 from pilot.driving.autopilot import Answer, Autopilot
 
-WAITING_AFTER = 2.0  # s without telemetry
-RATE_SECONDS = 2.0  # frames a second and milliseconds are taken over this
-SAMPLE_SECONDS = 0.095  # between two points of the strip chart: a little under a tenth, for clocks that jitter
-MINUTE = 600  # points
+WAITING_AFTER = 2.0  # s without telemetry until the state is "waiting"
+RATE_SECONDS = 2.0  # window over which frame rate and answer time are computed
+SAMPLE_SECONDS = 0.095  # between points of the strip chart; below 0.1 s, to tolerate jitter of the telemetry
+MINUTE = 600  # points of the strip chart
 
 
 class DriveState:
-    """Notes each answer; the page asks for `snapshot`.
+    """Collects the answers to the simulator and summarises them for the page.
 
     Attributes:
-        number: how many answers there were: changes when there is something new to show.
-        answer: the last answer with a frame.
+        number: of answers so far.
+        answer: the last answer with a frame; None before the first.
     """
 
     def __init__(self, autopilot: Autopilot, clock: Callable[[], float] = time.monotonic) -> None:
-        """Show the drive of `autopilot`."""
+        """Create the state of a drive.
+
+        Args:
+            autopilot: that drives.
+            clock: returns the time in s.
+        """
         self.autopilot, self.clock = autopilot, clock
         self.number = 0
         self.answer: Answer | None = None
         self._last_time, self._last_event = float("-inf"), ""
-        self._recent: deque[tuple[float, float]] = deque(maxlen=400)  # time, seconds to answer
+        self._recent: deque[tuple[float, float]] = deque(maxlen=400)  # time in s, s to answer
         self._samples: deque[dict[str, float]] = deque(maxlen=MINUTE)
 
     def observe(self, answer: Answer) -> None:
-        """Note an answer; costs microseconds."""
+        """Add an answer; takes microseconds."""
         now = self.clock()
         self.number += 1
         self._last_time, self._last_event = now, answer.event
@@ -52,13 +57,17 @@ class DriveState:
 
     @property
     def state(self) -> str:
-        """What is going on: "waiting" (for the simulator), "driving" or "manual"."""
+        """State of the drive: "waiting" (for telemetry), "driving" or "manual"."""
         if self.clock() - self._last_time > WAITING_AFTER:
             return "waiting"
         return "manual" if self._last_event == "manual" else "driving"
 
     def snapshot(self, since: float = 0.0) -> dict[str, Any]:
-        """All the page shows, with the points of the chart after the time `since`."""
+        """Return all values that the page shows, as JSON-serialisable objects.
+
+        Args:
+            since: time in s; only later points of the strip chart are included.
+        """
         now = self.clock()
         recent = [(at, seconds) for at, seconds in self._recent if now - at < RATE_SECONDS]
         span = now - recent[0][0] if recent else 1.0

@@ -1,1 +1,1 @@
-"""Driving by hand in a window."""
+"""Window of the simulator: display of a drive, and manual driving."""

@@ -1,4 +1,4 @@
-"""Records what is driven in the window."""
+"""Recording of manual driving in the window."""
 
 import contextlib
 import logging
@@ -15,19 +15,19 @@ log = logging.getLogger("pilot")
 
 
 class Capture:
-    """Records a drive while it goes on, from `start` to `stop`.
+    """Writes rows to a recording between `start` and `stop`.
 
     Attributes:
-        folder: it goes to.
-        message: what became of the last recording.
+        folder: of the recording.
+        message: outcome of the last recording, for display; empty while recording.
     """
 
     def __init__(self, folder: Path, look: Callable[[], dict[str, Frame]]) -> None:
-        """Prepare; nothing is written yet.
+        """Create a capture; nothing is written before `start`.
 
         Args:
-            folder: where recordings go.
-            look: what left, center and right camera see now: 160x320x3 uint8 RGB each.
+            folder: of the recording; further recordings are appended.
+            look: returns the current frames (160x320x3, uint8 RGB) by camera: left, center, right.
         """
         self.folder, self.message = folder, ""
         self._look = look
@@ -37,18 +37,18 @@ class Capture:
 
     @property
     def rows(self) -> int | None:
-        """Of the recording that is being made; None while there is none."""
+        """Number of rows written since `start`; None while not recording."""
         return self._writer.rows if self._writer else None
 
     def toggle(self) -> None:
-        """Start, or stop."""
+        """Start recording, or stop it."""
         if self._writer:
             self.stop()
         else:
             self.start()
 
     def start(self) -> None:
-        """Begin with the next tick."""
+        """Start recording with the next tick."""
         self.message, self._began = "", None
         try:
             self._writer = self._open.enter_context(RecordingWriter(self.folder))
@@ -56,17 +56,17 @@ class Capture:
             self._say(f"cannot record: {error}")
 
     def stop(self) -> None:
-        """End the recording, if there is one."""
+        """Stop recording; has no effect while not recording."""
         if self._writer:
             rows, self._writer = self._writer.rows, None
             try:
                 self._open.close()
                 self._say(f"{rows} moments recorded into {self.folder}")
-            except OSError as error:  # what was held back for writing has no room
+            except OSError as error:  # no space for the buffered rows
                 self._say(f"the recording's end is lost: {error}")
 
     def add(self, state: CarState) -> None:
-        """Once per tick: write a row if one is due."""
+        """Write a row if one is due; to be called after each tick."""
         if not self._writer:
             return
         self._began = state.time if self._began is None else self._began

@@ -1,4 +1,4 @@
-"""What hands do to keys, mouse and gamepad → steering and throttle; pure logic, without a window."""
+"""Steering and throttle from keys, mouse and gamepad; independent of the window."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pilot.simulator.clock import TickClock
 from pilot.simulator.episode import CarState, Episode
 
-STEERING_STEP = 0.05  # per tick: so a key takes 0.4 s to full lock, as in the real simulator
-MOUSE_SPAN = 0.25  # of the window's width, that the mouse is dragged for full lock
-DEAD_ZONE = 0.1  # of a stick: worn ones do not come to rest in their middle
+STEERING_STEP = 0.05  # per tick; a key reaches full lock in 0.4 s, as in the Unity simulator
+MOUSE_SPAN = 0.25  # distance of dragging the mouse for full lock, as a share of the window's width
+DEAD_ZONE = 0.1  # of the stick, because worn sticks do not return exactly to 0
 
 LEFT, RIGHT = {"arrow_left", "a"}, {"arrow_right", "d"}
 FORWARD, BACKWARD = {"arrow_up", "w"}, {"arrow_down", "s"}
@@ -18,10 +18,10 @@ KEYS = {*LEFT, *RIGHT, *FORWARD, *BACKWARD, MOUSE}
 
 @dataclass(frozen=True)
 class Pad:
-    """A gamepad now.
+    """State of a gamepad.
 
     Attributes:
-        stick: -1..1, positive to the right.
+        stick: left stick's horizontal axis, -1..1, positive to the right.
         accelerator, brake: 0..1.
     """
 
@@ -32,34 +32,34 @@ class Pad:
 
 @dataclass
 class Controls:
-    """Hands on keys, mouse and gamepad.
+    """State of keys, mouse and gamepad, and the commands that result from it.
 
     Attributes:
-        held: keys (and mouse button) that are down, by Panda3D's names.
-        pointer: 0..1, where the mouse is across the window.
-        pad: the gamepad; None without one.
-        steering: -1..1, where the wheels stand now.
+        held: pressed driving keys and mouse button, by Panda3D's names.
+        pointer: horizontal position of the mouse in the window, 0..1.
+        pad: state of the gamepad; None without one.
+        steering: current steering, -1..1.
     """
 
     held: set[str] = field(default_factory=set)
     pointer: float = 0.5
     pad: Pad | None = None
     steering: float = 0.0
-    _grabbed: float = 0.5  # the pointer, when the mouse button went down
+    _grabbed: float = 0.5  # pointer when the mouse button was pressed
 
     def press(self, key: str) -> None:
-        """A key goes down; keys that do not drive are ignored."""
+        """Handle the press of a key; keys not used for driving are ignored."""
         if key in KEYS:
             self.held.add(key)
         if key == MOUSE:
             self._grabbed = self.pointer
 
     def release(self, key: str) -> None:
-        """A key goes up."""
+        """Handle the release of a key."""
         self.held.discard(key)
 
     def tick(self) -> tuple[float, float]:
-        """The command (steering, throttle, -1..1 each) for the next 20 ms; call it once per tick."""
+        """Return the command (steering, throttle; -1..1 each) for the next tick; to be called once per tick."""
         self.steering = self._steer()
         return self.steering, self._throttle()
 
@@ -70,7 +70,7 @@ class Controls:
         if self.pad and abs(self.pad.stick) > DEAD_ZONE and not keys:
             beyond = (abs(self.pad.stick) - DEAD_ZONE) / (1 - DEAD_ZONE)
             return _limit(beyond if self.pad.stick > 0 else -beyond)
-        towards = float(keys)  # 0: released keys let the wheels come back
+        towards = float(keys)  # 0 without keys: the steering returns to the centre
         return self.steering + min(max(towards - self.steering, -STEERING_STEP), STEERING_STEP)
 
     def _throttle(self) -> float:
@@ -84,10 +84,10 @@ def _limit(value: float) -> float:
 
 
 class ManualDriving:
-    """Drives a car by hand in real time, a tick of 20 ms at a time whatever the frame rate.
+    """Moves the car of an episode by manual controls in real time, in ticks of 20 ms at any frame rate.
 
     Attributes:
-        done: never; the window ends it.
+        done: always False; the drive ends when the window is closed.
     """
 
     done = False
@@ -97,7 +97,7 @@ class ManualDriving:
         self._clock = TickClock()
 
     def advance(self, seconds: float) -> None:
-        """Move the car by the time (s) that has passed."""
+        """Move the car by the time in s since the last call."""
         for _ in range(self._clock.ticks(seconds)):
             state = self.episode.advance(*self.controls.tick())
             if self.on_tick is not None:

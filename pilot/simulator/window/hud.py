@@ -1,4 +1,4 @@
-"""What is written over the window's picture: speed, steering, laps, recording, help."""
+"""Head-up display (HUD) of the window: speed, steering, laps, recording, help."""
 
 from dataclasses import dataclass
 
@@ -14,20 +14,20 @@ from panda3d.core import (
 
 from pilot.simulator.episode import CarState
 
-UNITS = 540.0  # height of the window in the units below, whatever its size in pixels
+UNITS = 540.0  # height of the window in the units of this file, independent of its size in pixels
 MARGIN = 18.0
-BAR, THICK, MARK = 260.0, 8.0, 10.0  # the steering bar: width, height, its mark's width
+BAR, THICK, MARK = 260.0, 8.0, 10.0  # width and height of the steering bar, width of its mark
 Rgba = tuple[float, float, float, float]
 WHITE, RED, ORANGE, SHADE = (1, 1, 1, 1), (0.8, 0.1, 0.08, 0.9), (1, 0.72, 0.2, 1), (0, 0, 0, 0.45)
 
 
 @dataclass
 class LapClock:
-    """Laps and their times.
+    """Counts and times laps.
 
     Attributes:
-        laps: completed.
-        last: s, the last one's time; None before.
+        laps: number of completed laps.
+        last: time of the last completed lap in s; None before.
     """
 
     laps: int = 0
@@ -35,12 +35,16 @@ class LapClock:
     _began: float = 0.0
 
     def update(self, time: float, laps: float) -> None:
-        """Once per frame: s and laps since the start."""
+        """Update with the time in s and the laps (with fraction) since the start; to be called once per frame."""
         if laps >= self.laps + 1:
             self.laps, self.last, self._began = int(laps), time - self._began, time
 
     def text(self, time: float) -> str:
-        """Number and time of this lap, and the time of the last one."""
+        """Return a text with the number and time of the current lap and the time of the last one.
+
+        Args:
+            time: s since the start.
+        """
         now = f"Lap {self.laps + 1}    {_clock(time - self._began)}"
         return now if self.last is None else f"{now}    last {_clock(self.last)}"
 
@@ -50,12 +54,12 @@ def _clock(seconds: float) -> str:
 
 
 class Hud:
-    """Texts and a steering bar in a layer of their own over a window.
+    """Texts and a steering bar in a display region in front of the scene.
 
     Attributes:
-        keys: what keys there are.
-        help: whether that is shown.
-        clock: of the laps.
+        keys: text of the help: the keys and their functions.
+        help: whether `keys` is shown.
+        clock: counts the laps.
     """
 
     def __init__(self, output: GraphicsOutput) -> None:
@@ -81,7 +85,7 @@ class Hud:
         self._mark = self._card(-MARK / 2, MARK / 2, THICK + 8, ORANGE)
 
     def resize(self, aspect: float) -> None:
-        """Lay everything out for a window of a width over height."""
+        """Lay out the elements for an aspect ratio (width / height) of the window."""
         wide = UNITS * aspect
         self._lens.set_film_size(wide, UNITS)
         self._lens.set_film_offset(wide / 2, UNITS / 2)
@@ -96,16 +100,16 @@ class Hud:
             (self._keys, wide / 2, MARGIN),
         ):
             node.set_pos(x, 0, y)
-        self._keys.set_scale(min(14.0, wide / 54))  # in a narrow window it must still be whole
+        self._keys.set_scale(min(14.0, wide / 54))  # so that it fits into a narrow window
 
     def show(self, state: CarState, laps: float, rows: int | None, note: str) -> None:
-        """Bring it up to date.
+        """Update the contents.
 
         Args:
             state: of the car.
-            laps: since the start.
-            rows: recorded so far; None while nothing is being recorded.
-            note: a message.
+            laps: since the start, with fraction.
+            rows: number of recorded rows; None while not recording.
+            note: message to be displayed.
         """
         self.clock.update(state.time, laps)
         _write(self._speed, f"{abs(state.speed):.0f} mph{' R' if state.speed < -0.5 else ''}")
@@ -122,7 +126,7 @@ class Hud:
         text.set_text_color(*colour)
         text.set_card_color(*card)
         text.set_card_as_margin(0.4, 0.4, 0.15, 0.15)
-        text.set_bin("fixed")  # else the card may be drawn over its text
+        text.set_bin("fixed")  # otherwise the card may be drawn over its text
         node = self._root.attach_new_node(text)
         node.set_scale(size)
         return node
@@ -135,5 +139,5 @@ class Hud:
 
 
 def _write(node: NodePath, text: str) -> None:
-    if node.node().get_text() != text:  # laying out text costs time
+    if node.node().get_text() != text:  # because the layout of text is slow
         node.node().set_text(text)

@@ -1,4 +1,4 @@
-"""Keyboard, mouse and gamepad of a Panda3D window → the pure controls."""
+"""Input from keyboard, mouse and gamepad of a Panda3D window."""
 
 from panda3d.core import (
     ButtonThrower,
@@ -18,12 +18,12 @@ UP = "-up"
 
 
 class Inputs:
-    """Listens to a window and keeps the controls as the hands have them."""
+    """Updates the controls from the input devices of a window."""
 
     def __init__(self, window: GraphicsWindow, controls: Controls) -> None:
         self._window, self._controls = window, controls
         thrower = ButtonThrower("buttons")
-        thrower.set_modifier_buttons(ModifierButtons())  # else a would be called shift-a while shift is down
+        thrower.set_modifier_buttons(ModifierButtons())  # otherwise "a" is reported as "shift-a" with shift
         self._devices = NodePath("devices")
         self._devices.attach_new_node(MouseAndKeyboard(window, 0, "keyboard")).attach_new_node(thrower)
         self._traverser = DataGraphTraverser()
@@ -31,7 +31,7 @@ class Inputs:
         self._gamepads = InputDeviceManager.get_global_ptr()
 
     def poll(self) -> list[str]:
-        """Bring the controls up to date; returns the keys that went down since the last call."""
+        """Update the controls and return the keys that were pressed since the last call."""
         self._controls.pointer = self._window.get_pointer(0).x / max(self._window.get_x_size(), 1)
         self._controls.pad = self._read_gamepad()
         self._traverser.traverse(self._devices.node())
@@ -40,7 +40,7 @@ class Inputs:
             name = self._events.dequeue_event().name
             if name.endswith(UP):
                 self._controls.release(name.removesuffix(UP))
-            else:  # also others' events and repeated keys, whose names mean nothing to anyone
+            else:  # includes key repeats and unrelated events; their names are no keys and have no effect
                 self._controls.press(name)
                 pressed.append(name)
         return pressed

@@ -1,4 +1,4 @@
-"""A window onto a drive: by hand, or by whoever else moves the car."""
+"""Window that shows a drive of the simulated car, with manual or any other control."""
 
 import contextlib
 import functools
@@ -38,13 +38,13 @@ from pilot.vehicle import CAMERA_AHEAD_OF_REAR_AXLE, CAMERA_HEIGHT, CAMERAS, FOC
 log = logging.getLogger("pilot")
 
 SIZE = (960, 540)  # pixels
-PIPES = ("pandagl", "p3tinydisplay")  # OpenGL, or else Panda3D's software renderer
-FRAME_SECONDS = TICK  # more pictures than ticks would only show the same again
+PIPES = ("pandagl", "p3tinydisplay")  # OpenGL; if it is not available, Panda3D's software renderer
+FRAME_SECONDS = TICK  # a higher frame rate would repeat images, because the car moves once per tick
 DRIVING_KEYS, RECORDING_KEYS = "Arrows/WASD drive    Mouse held steers    ", "R record    "
 KEYS = "Backspace back to road    C camera    H help    Esc quit"
-BEHIND, ABOVE = 6.5, 2.4  # metres, chase camera from the rear axle
-CLEARANCE = 1.0  # metres, that it keeps from the ground
-SWING_SECONDS = 0.35  # in which it follows the car's turns
+BEHIND, ABOVE = 6.5, 2.4  # metres, position of the chase camera relative to the rear axle
+CLEARANCE = 1.0  # metres, minimum height of the chase camera above the ground
+SWING_SECONDS = 0.35  # time constant with which the chase camera follows the car's heading
 NO_DISPLAY = (
     "no window can be opened: there is no display. Without one there are `python simulator.py record` and "
     "`python simulator.py connect --headless`; `xvfb-run` makes a display that nobody sees"
@@ -52,10 +52,10 @@ NO_DISPLAY = (
 
 
 class Control(Protocol):
-    """Whoever moves the car."""
+    """Interface of an object that moves the car."""
 
     def advance(self, seconds: float) -> None:
-        """Move it by the time (s) that has passed since the last frame."""
+        """Move the car by the time in s since the last call."""
 
     @property
     def done(self) -> bool:
@@ -63,13 +63,15 @@ class Control(Protocol):
 
 
 class Window:
-    """Shows a drive, from the driver's place or from behind.
+    """Shows an episode from the centre camera's position or from behind the car.
 
     Attributes:
-        drive: what is shown.
-        controls: keys, mouse and gamepad as they are held now.
-        note: a message on the screen.
-        behind: whether it is seen from behind.
+        episode: that is shown.
+        scene: of its course.
+        capture: records the drive; None: no recording.
+        controls: state of keys, mouse and gamepad.
+        note: message to be displayed.
+        behind: whether the chase camera, behind the car, is used.
         output: Panda3D's window.
     """
 
@@ -85,24 +87,24 @@ class Window:
         """Open the window.
 
         Args:
-            drive: the car on its road.
-            scene: what there is to be seen of the road.
-            capture: what R starts and stops; without it R does nothing.
+            episode: to be shown.
+            scene: of the episode's course.
+            capture: started and stopped by the key R; None: R has no effect.
             title: of the window.
-            size: pixels, width and height; the user may change it.
+            size: initial width and height in pixels; the user may change them.
 
         Raises:
             RuntimeError: there is no display.
         """
         self.episode, self.scene, self.capture = episode, scene, capture
         self.controls, self.note, self.behind = Controls(), "", False
-        # an engine of its own: the one of the cameras draws whenever a picture is asked for
+        # a separate engine, because the cameras' engine renders whenever a frame is requested
         self._engine = GraphicsEngine()
         self.output = _open(self._engine, title, size)
         self._inputs = Inputs(self.output, self.controls)
         self._hud = Hud(self.output)
         self._world = NodePath("world")
-        scene.root.instance_to(self._world)  # so that the cameras, which look at the scene, do not see the car
+        scene.root.instance_to(self._world)  # the cameras render scene.root, without the car
         self._body = Body(scene.light)
         self._body.root.reparent_to(self._world)
         self._lens = PerspectiveLens()
@@ -120,7 +122,14 @@ class Window:
     # The loop
 
     def run(self, control: Control) -> None:
-        """Show the drive until its end, Escape or the window's closing; Ctrl-C raises KeyboardInterrupt."""
+        """Show the drive until it is over, Escape is pressed or the window is closed.
+
+        Args:
+            control: moves the car.
+
+        Raises:
+            KeyboardInterrupt: on Ctrl-C or SIGTERM.
+        """
         self._hud.keys = (
             (DRIVING_KEYS if isinstance(control, ManualDriving) else "")
             + (RECORDING_KEYS if self.capture else "")
@@ -137,7 +146,7 @@ class Window:
             interrupt.raise_if_asked()
 
     def handle_keys(self) -> None:
-        """Do what the keys pressed since the last call ask for."""
+        """Perform the actions of the keys that were pressed since the last call."""
         actions = {
             "r": self._record,
             "backspace": self.episode.put_back,
@@ -164,10 +173,10 @@ class Window:
     def _end(self) -> None:
         self._quit = True
 
-    # The picture
+    # Drawing
 
     def draw(self, seconds: float) -> None:
-        """Draw the drive as it stands, `seconds` after the last picture."""
+        """Draw the current state of the episode, given the time in s since the last call."""
         self._resize()
         self._place_car(seconds)
         self._place_camera(seconds)
@@ -196,7 +205,7 @@ class Window:
         self._heading += turn * (1 - math.exp(-seconds / SWING_SECONDS))
         if self.behind:
             self._place_behind()
-        else:  # where the centre camera is, but level
+        else:  # at the centre camera's position and pitch, but without its roll and yaw
             self._camera.set_pos_hpr(
                 self._body.root, 0, CAMERA_AHEAD_OF_REAR_AXLE, CAMERA_HEIGHT, 0, -math.degrees(PITCH), 0
             )
@@ -212,9 +221,9 @@ class Window:
         self._camera.look_at(car.x + east, car.y + north, height + 0.8)
 
     def close(self) -> None:
-        """Close the window for good."""
+        """Close the window; it cannot be used any more."""
         self._engine.remove_all_windows()
-        del self._inputs, self._hud, self.output  # a window of the software renderer must not outlive its pipe
+        del self._inputs, self._hud, self.output  # the software renderer's window must be freed before its pipe
 
     def __enter__(self) -> Self:
         return self
@@ -231,7 +240,7 @@ def _load_pipe(name: str) -> GraphicsPipe | None:
 
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
-    """Keep trifles off the terminal that Panda3D's modules and Xlib write there past all log levels on loading."""
+    """Redirect stderr to the null device, because Panda3D's modules and Xlib ignore all log levels when loading."""
     kept = os.dup(2)
     with Path(os.devnull).open("w") as nowhere:
         os.dup2(nowhere.fileno(), 2)
@@ -243,13 +252,13 @@ def _silence() -> Iterator[None]:
 
 
 def _open(engine: GraphicsEngine, title: str, size: tuple[int, int]) -> GraphicsWindow:
-    """A window by the first renderer that can draw one."""
+    """Open a window with the first available renderer."""
     properties = WindowProperties.size(*size)
     properties.set_title(title)
     buffers = FrameBufferProperties()
     buffers.set_rgb_color(True)
     buffers.set_depth_bits(24)
-    buffers.set_back_buffers(1)  # without one nothing of OpenGL's picture need ever reach the screen
+    buffers.set_back_buffers(1)  # without one, OpenGL may never show what was drawn
     for pipe in filter(None, map(_load_pipe, PIPES)):
         if pipe.is_valid():
             output = engine.make_output(pipe, title, 0, buffers, properties, GraphicsPipe.BF_require_window)
@@ -261,15 +270,15 @@ def _open(engine: GraphicsEngine, title: str, size: tuple[int, int]) -> Graphics
 
 
 def drive_manually(track: str, light: str | None, out: Path) -> None:
-    """Open a window and let the user drive; R records.
+    """Open a window for manual driving; the key R starts and stops recording.
 
     Args:
-        track: lake, jungle, mountain or random:SEED; with " reversed" behind, the other way round.
-        light: noon, evening or overcast; None is the track's own.
-        out: folder that R records into.
+        track: lake, jungle, mountain or random:SEED; followed by " reversed" for the opposite direction.
+        light: noon, evening or overcast; None: the track's default.
+        out: folder of the recording.
 
     Raises:
-        ValueError: there is no such track or light.
+        ValueError: the track or light does not exist.
         RuntimeError: there is no display.
     """
     with Simulator(CAMERAS) as simulator:

@@ -1,1 +1,1 @@
-"""Being driven by a server, as the real simulator is."""
+"""Client side of the Unity simulator's protocol: lets a server drive the simulated car."""

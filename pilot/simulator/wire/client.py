@@ -1,7 +1,7 @@
-"""Lets a server drive a car: the loop of the real simulator's autonomous mode.
+"""Client that lets a server drive the simulated car, like the Unity simulator's autonomous mode.
 
-Two telemetries are on their way, and each answer to one (`steer`, or `manual`) earns the next. In
-real time the car drives on meanwhile; as fast as it goes, time stands still until the answer is there.
+Two telemetry messages are in flight; each answer to one (`steer` or `manual`) triggers the next. In real time, the car
+moves on meanwhile; in fast mode, simulated time stops until the answer has arrived.
 """
 
 import base64
@@ -25,23 +25,24 @@ from pilot.vehicle import FULL_LOCK
 
 log = logging.getLogger("pilot")
 
-TOKENS = 2  # telemetries on their way: the real client's "open" event fires twice
-FRAME_SECONDS = 1 / 60  # between two frames, and at least between two telemetries, in real time
-TICKS_PER_ANSWER = 2  # as fast as it goes: 40 ms, about what the real simulator takes
-SILENCE_SECONDS = 5.0  # without an answer: then it is said
+TOKENS = 2  # telemetry messages in flight; two, because the Unity simulator's "open" event fires twice
+FRAME_SECONDS = 1 / 60  # real time: interval of frames, and minimum interval of telemetry
+TICKS_PER_ANSWER = 2  # fast mode; 40 ms, about the interval of the Unity simulator's telemetry
+SILENCE_SECONDS = 5.0  # without an answer until a warning
 NUMBER = re.compile(r"\s*[-+]?[\d,]*\.?\d*(e[-+]?\d+)?\s*", re.ASCII | re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What a drive by a server was like.
+    """Result of an episode driven by a server.
 
     Attributes:
-        scores: how well it went, since the first answer.
-        departures: times that a wheel left the road.
-        wall_seconds: s by the clock since the first answer.
-        answers: answers of the server; lost: those that the real simulator would not have survived.
-        reconnects: connections after the first.
+        scores: of the trajectory since the first answer.
+        departures: number of times that a wheel left the road.
+        wall_seconds: wall-clock time in s since the first answer.
+        answers: number of valid answers by the server.
+        lost: number of invalid answers; no telemetry follows them, as in the Unity simulator.
+        reconnects: number of connections after the first.
     """
 
     scores: Scores
@@ -63,15 +64,14 @@ class Summary:
 
 
 class Client:
-    """The simulator towards a server.
+    """Connects an episode to a server that drives its car.
 
-    `run` drives until the end. A window calls `advance` once per frame instead, until `done`, and
-    `close` at the end.
+    `run` drives until the end. Alternatively, a window calls `advance` once per frame until `done`, then `close`.
 
     Attributes:
         episode: the car on its track.
-        command: steering and throttle, -1..1: the server's last.
-        manual: steering and throttle of somebody at the keyboard, who then drives instead; None: the server drives.
+        command: the server's last steering and throttle, -1..1.
+        manual: steering and throttle of manual driving, used instead of `command`; None: the server drives.
         answers, lost: as in Summary.
     """
 
@@ -87,16 +87,16 @@ class Client:
         patience: float | None = None,
         on_tick: Callable[[CarState], None] | None = None,
     ) -> None:
-        """Prepare; the car stands still until the first answer.
+        """Create a client; the car does not move before the first answer.
 
         Args:
             episode: the car on its track.
-            picture: what the centre camera sees: 160x320x3 uint8 RGB.
-            port, host: where the server is.
-            realtime: by the clock; else two ticks of 20 ms per answer, as fast as it goes.
-            referee: puts the car back and ends the drive; None: back when it is lost, and no end.
-            patience: s by the clock without an answer after which `run` gives up; None: never.
-            on_tick: called with every state.
+            picture: returns the centre camera's frame: 160x320x3 uint8 RGB.
+            port, host: address of the server.
+            realtime: run in real time; False: fast mode, two ticks of 20 ms per answer without waiting.
+            referee: puts the car back and ends the drive; None: puts the car back by the rule `WHEN_LOST`, no end.
+            patience: wall-clock time in s without an answer after which `run` raises TimeoutError; None: no limit.
+            on_tick: called with the state after each tick.
         """
         self.episode, self.picture = episode, picture
         self.realtime, self.patience, self.on_tick = realtime, patience, on_tick
@@ -105,9 +105,9 @@ class Client:
         self.manual: tuple[float, float] | None = None
         self.answers = self.lost = 0
         self._link = Link(port, host, prompt=not realtime)
-        self._owed = 0  # telemetries that were earned and not sent yet
+        self._owed = 0  # answers to which no telemetry was sent yet
         self._clock = TickClock()
-        self._due = 0.0  # when the next telemetry may be sent
+        self._due = 0.0  # earliest time of the next telemetry
         self._began = self._ended = self._heard = time.monotonic()
         self._silent = False
 
@@ -117,8 +117,8 @@ class Client:
         """Drive until the end.
 
         Raises:
-            KeyboardInterrupt: on Ctrl-C, after taking leave of the server.
-            TimeoutError: the server's silence lasts longer than the patience.
+            KeyboardInterrupt: on Ctrl-C or SIGTERM, after disconnecting from the server.
+            TimeoutError: the server did not answer for `patience` seconds.
         """
         self._heard = then = time.monotonic()
         try:
@@ -137,10 +137,10 @@ class Client:
         return self.summary
 
     def advance(self, seconds: float) -> None:
-        """One frame in real time, never waiting: hear the server, move the car, send telemetry.
+        """Process one frame in real time without waiting: receive answers, move the car, send telemetry.
 
         Args:
-            seconds: since the last frame.
+            seconds: since the last call.
         """
         while (packet := self._link.poll()) is not None:
             self._owed += self._hear(packet)
@@ -149,18 +149,18 @@ class Client:
             self._move(self._clock.ticks(seconds))
         now = time.monotonic()
         if self._owed and now >= self._due:
-            self._due = max(self._due, now - FRAME_SECONDS) + FRAME_SECONDS  # keeps the rate with uneven frames
+            self._due = max(self._due, now - FRAME_SECONDS) + FRAME_SECONDS  # keeps the mean rate despite jitter
             self._owed -= 1
             self._send_telemetry()
 
     def step(self, timeout: float = 0.0) -> bool:
-        """As fast as it goes: hear one answer, move the car, send telemetry.
+        """Perform one step in fast mode: receive one answer, move the car, send telemetry.
 
         Args:
-            timeout: s to wait for the answer; time stands still meanwhile.
+            timeout: s to wait for the answer; simulated time stops meanwhile.
 
         Returns:
-            Whether there was an answer.
+            Whether an answer was received.
         """
         packet = self._link.poll(timeout)
         self._check_silence()
@@ -177,7 +177,7 @@ class Client:
 
     @property
     def summary(self) -> Summary:
-        """The drive so far."""
+        """Result of the drive so far."""
         return Summary(
             score("drive", [self.referee.trajectory]),
             self.referee.departures,
@@ -188,7 +188,7 @@ class Client:
         )
 
     def close(self) -> None:
-        """Take leave of the server."""
+        """Disconnect from the server."""
         self._link.close()
 
     def _move(self, ticks: int) -> None:
@@ -204,7 +204,7 @@ class Client:
     # The server
 
     def _hear(self, packet: str) -> bool:
-        """Whether a packet earns a telemetry."""
+        """Process a packet; return whether it is an answer, which triggers the next telemetry."""
         if packet.startswith("0"):
             self._greet()
         if not packet.startswith("42"):
@@ -257,7 +257,10 @@ class Client:
 
 
 def build_telemetry(episode: Episode, frame: Frame) -> dict[str, str]:
-    """The argument of a telemetry event: all as strings, the steering in degrees, the speed in mph without a sign."""
+    """Return the argument of a telemetry event, with all values as strings.
+
+    The steering is in degrees, the throttle is 0..1, and the speed is in mph, positive also in reverse.
+    """
     state, full_lock = episode.state, math.degrees(FULL_LOCK)
     return {
         "steering_angle": f"{full_lock * state.steering:z.4f}",
@@ -268,10 +271,13 @@ def build_telemetry(episode: Episode, frame: Frame) -> dict[str, str]:
 
 
 def parse_steer(argument: Any) -> tuple[float, float]:
-    """Steering and throttle, -1..1, of a steer event, read as the real simulator does on a PC with decimal points.
+    """Parse the argument of a steer event as the Unity simulator does in a locale with decimal points.
+
+    Returns:
+        Steering and throttle, clipped to -1..1.
 
     Raises:
-        ValueError: they are missing, no strings or no numbers: there the real one fails without a word.
+        ValueError: a value is missing, or not a string with a number; the Unity simulator fails silently then.
     """
     if not isinstance(argument, dict):
         raise ValueError(f"its argument is {argument!r:.40}, not an object")
@@ -284,9 +290,9 @@ def _number(argument: dict[str, Any], name: str) -> float:
     if not isinstance(text, str):
         raise ValueError(f"its {name} is {text!r:.40}, not a string")
     try:
-        # a comma groups thousands: "0,25" reads as 25, which is full lock
+        # commas separate thousands: "0,25" is read as 25, which is full lock
         number = float(text.replace(",", "")) if NUMBER.fullmatch(text) else math.nan
-    except ValueError:  # nothing but a sign or a point
+    except ValueError:  # only a sign or a point
         number = math.nan
     if not math.isfinite(number):
         raise ValueError(f"its {name} is {text!r:.40}, not a number")

@@ -1,7 +1,7 @@
-"""The simulator's side of the wire: WebSocket frames and Engine.IO packets, as its transcript has them.
+"""WebSocket frames and Engine.IO packets exactly as the Unity simulator sends them.
 
-Not python-socketio's client: that one speaks the newer protocol correctly, which is just what the
-simulator does not do.
+python-socketio's client cannot be used: it implements the protocol version that it requests, whereas the simulator
+requests Engine.IO 4 and uses Engine.IO 3.
 """
 
 import base64
@@ -19,12 +19,12 @@ import numpy as np
 
 log = logging.getLogger("pilot")
 
-HOST, PORT = "127.0.0.1", 4567  # where the simulator looks for its server
-PING_SECONDS, PONG_SECONDS = 25.0, 60.0  # between pings; until the server counts as gone
+HOST, PORT = "127.0.0.1", 4567  # address to which the Unity simulator connects
+PING_SECONDS, PONG_SECONDS = 25.0, 60.0  # interval of pings; timeout of the answer to a ping
 RETRY_SECONDS = 0.5
-FRAGMENT = 1016  # bytes; websocket-sharp cuts messages into frames of this size
+FRAGMENT = 1016  # bytes; websocket-sharp splits messages into frames of this size
 READ_SIZE = 1 << 16
-CONTINUATION, TEXT, CLOSE, PING, PONG = 0, 1, 8, 9, 10  # frames by opcode
+CONTINUATION, TEXT, CLOSE, PING, PONG = 0, 1, 8, 9, 10  # opcodes of WebSocket frames
 HANDSHAKE = (
     "GET /socket.io/?EIO=4&transport=websocket HTTP/1.1\r\nHost: {host}:{port}\r\nUpgrade: websocket\r\n"
     "Connection: Upgrade\r\nSec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n"
@@ -33,7 +33,7 @@ UNDER_WAY = (0, errno.EINPROGRESS, errno.EWOULDBLOCK)
 
 
 def build_frame(payload: bytes, opcode: int, *, final: bool = True) -> bytes:
-    """A WebSocket frame, masked as a client's must be."""
+    """Return a WebSocket frame, masked as required of clients."""
     size, mask = len(payload), os.urandom(4)
     if size < 126:
         length = bytes([0x80 | size])
@@ -44,15 +44,15 @@ def build_frame(payload: bytes, opcode: int, *, final: bool = True) -> bytes:
 
 
 def build_event(name: str, argument: Any) -> str:
-    """The packet of a Socket.IO event."""
+    """Return the packet of a Socket.IO event."""
     return "42" + json.dumps([name, argument], separators=(",", ":"))
 
 
 def parse_event(packet: str) -> tuple[str, Any]:
-    """Name and argument (None if there is none) of an event's packet.
+    """Return the name and the argument (None if missing) of the packet of a Socket.IO event.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the packet is not an event.
     """
     event = json.loads(packet.removeprefix("42"))
     if not isinstance(event, list) or not event or not isinstance(event[0], str):
@@ -61,23 +61,24 @@ def parse_event(packet: str) -> tuple[str, Any]:
 
 
 class Connection:
-    """One connection to a server; nothing in it blocks but sending to a server that does not read.
+    """A single non-blocking connection to a server; only sending blocks if the server does not read.
 
     Attributes:
-        socket: what it goes over.
+        socket: the TCP socket.
         opened: whether the server has accepted the handshake.
     """
 
     def __init__(self, port: int = PORT, host: str = HOST, *, prompt: bool = False, timeout: float = 5.0) -> None:
-        """Begin to connect.
+        """Start to connect, without waiting.
 
         Args:
-            port, host: where the server listens.
-            prompt: send at once; the simulator leaves it to the kernel, which may hold small packets back.
-            timeout: s in which the handshake must be over, and a packet sent.
+            port, host: address of the server.
+            prompt: set TCP_NODELAY and send each packet at once. The Unity simulator does not, so that the kernel may
+                delay small packets.
+            timeout: s, for the handshake and for sending a packet.
 
         Raises:
-            OSError: nobody listens there.
+            OSError: the connection failed at once.
         """
         self.opened = False
         self._address, self._prompt, self._timeout = (host, port), prompt, timeout
@@ -102,18 +103,19 @@ class Connection:
         """Wait until the server has accepted the handshake.
 
         Raises:
-            OSError: it has not.
+            OSError: the connection or the handshake failed.
         """
         while not self._accepted():
             self._read(self._timeout)
             self._check_silence()
 
     def poll(self, timeout: float = 0.0) -> str | None:
-        """The next text packet; None if there is none within `timeout` seconds.
+        """Return the next text packet; None if there is none within `timeout` seconds.
 
         Raises:
-            ConnectionError: the server is gone, has closed, or has refused the handshake.
-            OSError: another fault of the network; TimeoutError: no answer to the handshake.
+            ConnectionError: the server closed the connection, does not answer, or refused the handshake.
+            TimeoutError: the server did not answer the handshake.
+            OSError: another network error.
         """
         deadline = time.monotonic() + timeout
         while True:
@@ -126,10 +128,10 @@ class Connection:
                 return None
 
     def send(self, packet: str) -> None:
-        """Send a text packet, cut into frames as websocket-sharp does.
+        """Send a text packet, split into frames as by websocket-sharp.
 
         Raises:
-            OSError: the server is gone, or does not read.
+            OSError: the connection is closed, or the server does not read.
         """
         data = packet.encode()
         starts = range(0, max(len(data), 1), FRAGMENT)
@@ -141,13 +143,13 @@ class Connection:
             self.socket.sendall(part)
 
     def close(self) -> None:
-        """Take leave as the simulator does on quitting."""
+        """Disconnect and close, as the Unity simulator does on quitting."""
         with contextlib.suppress(OSError):
             if self.opened:
                 self.send("41")
                 self.send("1")
                 self.socket.sendall(build_frame((1000).to_bytes(2), CLOSE))
-                # with answers unread, closing would reset the connection, and the farewell be lost
+                # closing with unread data would reset the connection, and the packets above would be lost
                 deadline = time.monotonic() + 1.0
                 while time.monotonic() < deadline and self._read(0.2):
                     pass
@@ -167,7 +169,7 @@ class Connection:
             raise ConnectionError("the server does not answer pings")
 
     def _read(self, timeout: float) -> bool:
-        """Whether anything happened within `timeout` seconds."""
+        """Continue to connect, or read data; return whether there was any progress within `timeout` seconds."""
         if not self._connected:
             return self._request(timeout)
         if not select.select([self.socket], [], [], timeout)[0]:
@@ -180,8 +182,9 @@ class Connection:
         return True
 
     def _request(self, timeout: float) -> bool:
-        """Send the handshake as soon as there is somebody to read it."""
-        _, ready, failed = select.select([], [self.socket], [self.socket], timeout)  # failed: on Windows
+        """Send the handshake once the TCP connection is established; return whether it was sent."""
+        # on Windows, a failed connection attempt is reported in the third list
+        _, ready, failed = select.select([], [self.socket], [self.socket], timeout)
         if not (ready or failed):
             return False
         self._check(self.socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR))
@@ -195,7 +198,7 @@ class Connection:
         return True
 
     def _accepted(self) -> bool:
-        """Whether the server has accepted the handshake; the first ping follows at once."""
+        """Return whether the server has accepted the handshake; send the first ping as soon as it has."""
         if self.opened or b"\r\n\r\n" not in self._data:
             return self.opened
         head, self._data = self._data.split(b"\r\n\r\n", 1)
@@ -215,7 +218,7 @@ class Connection:
             self.send("2")
 
     def _packet(self) -> str | None:
-        """The next text packet in what was read."""
+        """Return the next complete text packet of the received data; None if there is none."""
         while (frame := self._frame()) is not None:
             first, payload = frame
             opcode = first & 15
@@ -231,7 +234,7 @@ class Connection:
         return None
 
     def _frame(self) -> tuple[int, bytes] | None:
-        """Take the next frame off what was read, its first byte and its payload; None while it is not all there."""
+        """Remove the next frame from the received data: first byte and payload; None while it is incomplete."""
         if len(self._data) < 2:
             return None
         size = self._data[1] & 127
@@ -246,16 +249,16 @@ class Connection:
 
 
 class Link:
-    """A lasting connection: waits for a server, and connects again when it is gone.
+    """A persistent connection: waits for a server and reconnects after the connection is lost.
 
     Attributes:
-        connection: the connection that is open, or is being opened; None between two attempts.
-        greeted: whether the server has greeted on it, so that telemetry may be sent.
-        greetings: how often a server has.
+        connection: the open or opening connection; None between attempts.
+        greeted: whether the server has sent its open packet, so that telemetry may be sent.
+        greetings: number of open packets received, on all connections.
     """
 
     def __init__(self, port: int = PORT, host: str = HOST, *, prompt: bool = False) -> None:
-        """Prepare; `poll` connects. Arguments as of Connection."""
+        """Create a link; `poll` connects it. The arguments are those of Connection."""
         self.connection: Connection | None = None
         self.greeted, self.greetings = False, 0
         self._port, self._host, self._prompt = port, host, prompt
@@ -263,7 +266,7 @@ class Link:
         self._said = ""
 
     def poll(self, timeout: float = 0.0) -> str | None:
-        """The next text packet; None if there is none, or no server, within `timeout` seconds."""
+        """Return the next text packet; None if there is none, or no server, within `timeout` seconds."""
         if self.connection is None and not self._may_try(timeout):
             return None
         try:
@@ -277,7 +280,7 @@ class Link:
         return packet
 
     def send(self, packet: str) -> None:
-        """Send a text packet; without a server it is lost."""
+        """Send a text packet; it is dropped if there is no connection."""
         try:
             if self.connection is not None:
                 self.connection.send(packet)
@@ -285,7 +288,7 @@ class Link:
             self._lose(error)
 
     def close(self) -> None:
-        """Take leave."""
+        """Disconnect from the server, if connected."""
         if self.connection is not None:
             self.connection.close()
         self.connection, self.greeted = None, False
@@ -304,7 +307,7 @@ class Link:
     def _lose(self, error: OSError) -> None:
         if self.greeted:
             self._say(f"the server is gone ({error}): waiting for it to come back")
-        elif error.errno is None:  # somebody is there, who does not want us: the message says more
+        elif error.errno is None:  # not an error of the operating system: the message says more
             self._say(str(error))
         elif not self._said:
             self._say(
