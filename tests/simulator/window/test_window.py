@@ -32,7 +32,7 @@ from pathlib import Path
 from pilot import cli
 from pilot.simulator.window.window import drive_manually
 logging.basicConfig(level=logging.INFO, format="%(message)s")
-sys.exit(cli.run("simulator.py", lambda: drive_manually("lake", None, Path(sys.argv[1])), talkative=True))
+sys.exit(cli.run("simulator.py", lambda: drive_manually("lake", None, Path(sys.argv[1])), verbose=True))
 """
 BY_OTHERS = """
 from pilot.simulator.window import window
