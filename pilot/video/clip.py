@@ -119,7 +119,7 @@ def make_clip(
     """Encode a recording as a video; unreadable frames are left out and counted.
 
     The clip is written under a temporary name and renamed at the end. All frames are scaled to the size of the first,
-    which is enlarged to a width of 640 if there are overlays.
+    which is enlarged to a width of at least 640 pixels if there are overlays.
 
     Args:
         folder: of the recording.
@@ -130,6 +130,8 @@ def make_clip(
 
     Raises:
         NoFramesError: the folder does not exist, or contains no readable frames.
+        ValueError: the log's header has no steering column.
+        OSError: the video cannot be written.
     """
     frames, result = find_frames(folder), ClipResult()
     rate = fps or frame_rate(frames)

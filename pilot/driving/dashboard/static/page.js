@@ -4,14 +4,14 @@
 const MINUTE = 60; // seconds in the chart
 const TOP = 34; // mph at the chart's upper edge
 const FULL_LOCK = 25; // degrees at steering 1
-const WHEEL_TURN = 4; // the drawn wheel turns this much more than the car's wheels
+const WHEEL_TURN = 4; // angle of the drawn steering wheel relative to that of the front wheels
 const STATES = { waiting: "waiting for the simulator", driving: "driving", manual: "manual driving" };
 
 const byId = (id) => document.getElementById(id);
 const setSpeed = byId("set-speed");
 let samples = [];
 let stream;
-let held = false; // while the user moves the slider, the server does not
+let held = false; // whether the user is moving the slider; events do not move it meanwhile
 
 function connect() {
   stream?.close();
