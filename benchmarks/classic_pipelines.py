@@ -1,7 +1,7 @@
-"""Training as it is usually written for this simulator, to be measured beside this project's: for training.py.
+"""Training pipelines as commonly written for this simulator, with which training.py compares this project's.
 
-Both read, decode and augment picture by picture with OpenCV, on whole frames, and cut off sky and bonnet in the
-network; the same network, batch and augmentations as `python model.py --network nvidia`.
+Both read, decode and augment image by image with OpenCV, on whole frames, and crop sky and bonnet afterwards. They use
+the same network, batch size and augmentations as `python model.py --network nvidia`.
 """
 
 import importlib
@@ -27,7 +27,7 @@ WARM_UP = 6  # steps that are not counted
 
 
 def augmented(path: str, steering: float) -> tuple[Picture, float]:
-    """Read a picture; shift, mirror, brighten and shade it, each with the usual probability."""
+    """Read an image, and augment it and its label with the default probabilities."""
     image: Any = cv2.cvtColor(np.asarray(cv2.imread(path)), cv2.COLOR_BGR2RGB)
     if random.random() < AUGMENT.viewpoint:
         offset = random.uniform(-AUGMENT.viewpoint_metres, AUGMENT.viewpoint_metres)
@@ -45,14 +45,14 @@ def augmented(path: str, steering: float) -> tuple[Picture, float]:
 
 
 def brightened(image: Any, factor: float) -> Any:
-    """Scale the value in HSV."""
+    """Scale the HSV value by a factor."""
     hsv = cv2.cvtColor(image, cv2.COLOR_RGB2HSV).astype(np.float32)
     hsv[:, :, 2] = np.clip(hsv[:, :, 2] * factor, 0, 255)
     return cv2.cvtColor(hsv.astype(np.uint8), cv2.COLOR_HSV2RGB)
 
 
 def shaded(image: Any, factor: float) -> Any:
-    """Darken one side of a random line."""
+    """Scale the brightness on one side of a random line by a factor."""
     height, width = image.shape[:2]
     top, bottom = random.uniform(0, width), random.uniform(0, width)
     x, y = np.meshgrid(np.arange(width), np.arange(height))
@@ -64,17 +64,17 @@ def shaded(image: Any, factor: float) -> Any:
 
 
 def shuffled(images: list[str], labels: list[float]) -> Iterator[tuple[str, float]]:
-    """The samples in ever new orders."""
+    """Yield images and labels in random order, epoch after epoch."""
     while True:
         yield from random.sample(list(zip(images, labels, strict=True)), len(images))
 
 
-# Keras: a generator, and fit
+# Keras: generator and fit
 
 
 def keras_rate(images: list[str], labels: list[float], batch_size: int, steps: int) -> float:
-    """Images a second of model.fit on a generator."""
-    keras = importlib.import_module("tensorflow").keras  # the benchmark also runs without it
+    """Return the images per second of Keras's `model.fit` on a generator."""
+    keras = importlib.import_module("tensorflow").keras  # not at the top, because the other benchmarks run without it
     layers = keras.layers
     model = keras.Sequential(
         [
@@ -107,28 +107,28 @@ def keras_rate(images: list[str], labels: list[float], batch_size: int, steps: i
     return batch_size * steps / (times[-1] - times[WARM_UP - 1])
 
 
-# PyTorch: a Dataset and a DataLoader
+# PyTorch: Dataset and DataLoader
 
 
 class Samples(torch.utils.data.Dataset[tuple[torch.Tensor, torch.Tensor]]):
-    """Pictures as float tensors, one by one."""
+    """Data set of augmented images as float tensors, with their labels."""
 
     def __init__(self, images: list[str], labels: list[float]) -> None:
         self.images, self.labels = images, labels
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Return the number of samples."""
         return len(self.images)
 
     def __getitem__(self, index: int) -> tuple[torch.Tensor, torch.Tensor]:
-        """A picture (3 x 65 x 320) and its steering."""
+        """Return an image (3 x 65 x 320, float32, -0.5..0.5) and its label."""
         image, steering = augmented(self.images[index], self.labels[index])
         pixels = torch.from_numpy(image[70:135]).permute(2, 0, 1).float() / 255 - 0.5
         return pixels, torch.tensor(steering, dtype=torch.float32)
 
 
 def data_loader_rate(images: list[str], labels: list[float], batch_size: int, steps: int, workers: int = 2) -> float:
-    """Images a second of the usual loop over a DataLoader."""
+    """Return the images per second of a common training loop over a DataLoader."""
     shapes = ((3, 24, 5, 2), (24, 36, 5, 2), (36, 48, 5, 2), (48, 64, 3, 1), (64, 64, 3, 1))
     convolutions = [layer for shape in shapes for layer in (nn.Conv2d(*shape), nn.ReLU())]
     sizes = (2112, 1164, 100, 50, 10, 1)

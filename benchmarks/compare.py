@@ -1,9 +1,9 @@
-"""Train variants of a recipe on the same data and print them side by side.
+"""Comparison of variants of a recipe, trained on the same data.
 
     python benchmarks/compare.py networks --data DIR [--epochs 20] [--seeds 0 1]
 
-Variants: `networks`, `augmentations`, `balancing`, `labels`, `recipes`. Each result is appended to a CSV
-file at once, and what is already there is not trained again, so a long comparison can be interrupted.
+Groups of variants: `networks`, `augmentations`, `balancing`, `labels`, `recipes`. Each result is appended to a CSV file
+immediately, and variants in that file are not trained again, so that a long comparison can be interrupted and resumed.
 """
 
 import argparse
@@ -29,7 +29,7 @@ from pilot.training.trainer import Training
 
 
 def variants(group: str, base: TrainingConfig) -> Iterator[tuple[str, TrainingConfig]]:
-    """The variants of a group by name."""
+    """Yield the names and configurations of the variants in a group."""
     augment, samples = base.augment, base.samples
     if group == "networks":
         yield from ((name, replace(base, network=name)) for name in network_names())
@@ -66,7 +66,7 @@ def variants(group: str, base: TrainingConfig) -> Iterator[tuple[str, TrainingCo
 
 
 def train_and_validate(config: TrainingConfig, rows: pd.DataFrame) -> dict[str, float]:
-    """Train one variant; figures of its best epoch on the validation moments."""
+    """Train a variant, and return its size, its speed and the validation metrics of its best epoch."""
     training, validation = make_samples(rows, config.samples, config.seed)
     run, began = Training(config, training, validation), time.monotonic()
     run.run(lambda _: None, lambda batches, count, title: tqdm(batches, title, count, leave=False))
@@ -87,7 +87,7 @@ def train_and_validate(config: TrainingConfig, rows: pd.DataFrame) -> dict[str, 
 
 
 def main() -> None:
-    """Train what is missing in the results file, then print it."""
+    """Train the variants that are missing from the results file, and print the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("group", choices=("networks", "augmentations", "balancing", "labels", "recipes"))
     parser.add_argument("--data", type=Path, action="append", required=True)

@@ -1,11 +1,11 @@
-"""How fast a telemetry is answered: in the process, and on the wire beside a server like the original.
+"""Latency of the answers to telemetry: in the process, and on the wire, compared with a server like the original one.
 
     python benchmarks/driving.py [--network nvidia] [--steers 10000]
 
-In the process: from base64 to steering, several ways to run the network. On the wire: the raw-frame
-client of the tests, with websocket-sharp's fragments and the kernel's delayed packets, against
-drive.py and against original_drive.py in turn; without pause, one telemetry at a time,
-and with 60 rendered frames a second.
+In the process: from the base64 image to the steering, with several ways to run the network. On the wire: the tests' raw
+WebSocket client, which fragments messages like websocket-sharp, with the kernel's delayed packets; it connects to
+drive.py and to original_drive.py in turn, without pauses, with one telemetry message at a time, and at 60 rendered
+frames per second.
 """
 
 import argparse
@@ -38,13 +38,13 @@ from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, load_model, save_model
 from pilot.model.networks import network_names
 
-LONGEST = 60.0  # seconds of one drive
+LONGEST = 60.0  # seconds, maximum duration of one measurement
 SCENES = (("no pause", 2, 0.0), ("one telemetry at a time", 1, 0.0), ("60 rendered frames/s", 2, 1 / 60))
 SteeringPolicy = Callable[[dict[str, str]], float]
 
 
-def made_up_image() -> bytes:
-    """A picture that compresses like the simulator's (about 13 KB)."""
+def synthetic_image() -> bytes:
+    """Return a synthetic JPEG image that compresses like those of the simulator (about 13 KB)."""
     rng = np.random.default_rng(0)
     coarse = Image.fromarray(rng.integers(60, 200, (20, 40, 3), dtype=np.uint8)).resize((320, 160))
     noise = rng.integers(-9, 10, (160, 320, 1))
@@ -53,7 +53,7 @@ def made_up_image() -> bytes:
 
 
 def ways(model: Model) -> Iterator[tuple[str, SteeringPolicy]]:
-    """Ways from a telemetry to steering, by name."""
+    """Yield name and function of each way from a telemetry message to the steering."""
 
     def pillow(message: dict[str, str]) -> torch.Tensor:
         image = np.array(Image.open(BytesIO(base64.b64decode(message["image"]))))
@@ -68,7 +68,7 @@ def ways(model: Model) -> Iterator[tuple[str, SteeringPolicy]]:
         yield f"eager, OpenCV, {threads} threads", lambda message: float(model.network(cv2(message)))
         compiled = torch.compile(model.network)
         yield f"compiled, {threads} threads", functools.partial(_through, compiled, cv2)
-        driver = Driver(model)  # sets one thread
+        driver = Driver(model)
         torch.set_num_threads(threads)
         yield f"frozen (drive.py), {threads} threads", functools.partial(_driven, driver)
 
@@ -86,7 +86,7 @@ def _driven(driver: Driver, message: dict[str, str]) -> float:
 
 
 def in_process(model: Model, message: dict[str, str], repeats: int) -> None:
-    """Print p50 and p99 from base64 to steering."""
+    """Print the 50th and 99th percentile of the time from a telemetry message to the steering, in each way."""
     with torch.inference_mode():
         for name, steer in ways(model):
             for _ in range(30):
@@ -97,20 +97,20 @@ def in_process(model: Model, message: dict[str, str], repeats: int) -> None:
 
 
 def timed(steer: SteeringPolicy, message: dict[str, str]) -> float:
-    """Seconds of one call."""
+    """Return the time of one call in seconds."""
     began = time.perf_counter()
     steer(message)
     return time.perf_counter() - began
 
 
 def percentile(seconds: list[float], share: float) -> float:
-    """A percentile in milliseconds."""
+    """Return a percentile (0..100) of times in seconds, in milliseconds."""
     return float(np.percentile(seconds, share)) * 1000
 
 
 @contextmanager
 def serving(command: list[str], port: int, folder: Path) -> Iterator[None]:
-    """A server in a process of its own, from its first connection on."""
+    """Run a server in its own process; the context begins when it accepts connections."""
     with (folder / "log").open("w") as log:
         environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
         process = subprocess.Popen(command, cwd=folder, stdout=log, stderr=log, env=environment)
@@ -129,15 +129,18 @@ def serving(command: list[str], port: int, folder: Path) -> Iterator[None]:
             process.wait()
 
 
-def on_the_wire(port: int, message: str, steers: int, *, on_the_way: int, pause: float) -> tuple[list[float], float]:
-    """Drive as the simulator does, until the steers or LONGEST are over.
+def on_the_wire(port: int, message: str, steers: int, *, in_flight: int, pause: float) -> tuple[list[float], float]:
+    """Exchange messages like the simulator, until `steers` answers have arrived or LONGEST has passed.
 
     Args:
-        on_the_way: telemetries at the same time; the simulator has two.
-        pause: seconds after each answer, in which the simulator renders.
+        port: port of the server.
+        message: telemetry message.
+        steers: number of answers.
+        on_the_way: number of telemetry messages in flight; the simulator has two.
+        pause: seconds after each answer, in which the simulator would render.
 
     Returns:
-        The seconds from each telemetry's last byte to its answer, as the simulator sees them; the answers a second.
+        The seconds from sending each telemetry message to receiving its answer, and the answers per second.
     """
     with WireClient(port) as client:
         client.socket.settimeout(20)
@@ -145,7 +148,7 @@ def on_the_wire(port: int, message: str, steers: int, *, on_the_way: int, pause:
         began = time.perf_counter()
         sent: list[float] = []
         seconds: list[float] = []
-        for _ in range(on_the_way):
+        for _ in range(in_flight):
             client.send(message)
             sent.append(time.perf_counter())
         while len(seconds) < steers and time.perf_counter() - began < LONGEST:
@@ -158,14 +161,14 @@ def on_the_wire(port: int, message: str, steers: int, *, on_the_way: int, pause:
 
 
 def main() -> None:
-    """Print all figures, with the ratios of the two servers."""
+    """Print all measurements, and the ratios of the two servers' rates."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--network", default="nvidia", choices=network_names())
     parser.add_argument("--steers", type=int, default=10_000)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--port", type=int, default=4599)
     options = parser.parse_args()
-    content = telemetry(made_up_image())
+    content = telemetry(synthetic_image())
     message = "42" + json.dumps(["telemetry", content])
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -175,14 +178,14 @@ def main() -> None:
             "drive.py": [sys.executable, str(ROOT / "drive.py"), "model.pt", "--port", str(options.port)],
             "original": [sys.executable, str(ROOT / "benchmarks" / "original_drive.py"), "model.pt", str(options.port)],
         }
-        for title, on_the_way, pause in SCENES:
+        for title, in_flight, pause in SCENES:
             steers = options.steers if pause == 0 else options.steers // 10
             rates: dict[str, list[float]] = {}
             for _ in range(options.rounds):
                 for server, command in servers.items():
                     with serving(command, options.port, folder):
                         seconds, rate = on_the_wire(
-                            options.port, message, steers // options.rounds, on_the_way=on_the_way, pause=pause
+                            options.port, message, steers // options.rounds, in_flight=in_flight, pause=pause
                         )
                     rates.setdefault(server, []).append(rate)
                     print(

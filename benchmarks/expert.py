@@ -1,4 +1,4 @@
-"""Does the expert stay on the road? python benchmarks/expert.py: laps of every track, both ways round."""
+"""Accuracy of the expert on all tracks in both directions: python benchmarks/expert.py."""
 
 import itertools
 import sys
@@ -18,7 +18,7 @@ SPEED = 30.0  # mph
 
 
 def laps(name: str, count: int, *, backwards: bool) -> list[CarState]:
-    """Every state of some laps."""
+    """Drive `count` laps, and return the state at every tick."""
     track = load_course(name).track
     episode = Episode(track.reversed() if backwards else track)
     expert = Expert(episode, SPEED)
@@ -29,7 +29,7 @@ def laps(name: str, count: int, *, backwards: bool) -> list[CarState]:
 
 
 def row(title: str, names: Sequence[str], count: int) -> str:
-    """A line of the table about `count` laps of each track in each direction."""
+    """Return a row of the table about `count` laps of each track in each direction."""
     drives = [laps(name, count, backwards=way) for name in tqdm(names, title, leave=False) for way in (False, True)]
     departures = sum(
         before.on_road and not after.on_road for states in drives for before, after in itertools.pairwise(states)

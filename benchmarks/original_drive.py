@@ -1,7 +1,7 @@
-"""A plain server written the way the simulator's original drive.py is, for comparison; see driving.py.
+"""A server with the structure of Udacity's original drive.py, with which driving.py compares this project's.
 
-Its structure: one telemetry handler that decodes with Pillow, runs the network as it is, prints, and
-emits; eventlet's own socket and WebSocket; steer sent from the connect handler.
+A single telemetry handler decodes the image with Pillow, runs the network without optimisation, prints and emits.
+Sockets and WebSocket are eventlet's, unchanged; the connect handler already sends a steer message.
 """
 
 import base64
@@ -24,7 +24,7 @@ from pilot.model.checkpoint import load_model
 
 
 def main(model_file: str, port: int) -> None:
-    """Serve the simulator on a port."""
+    """Serve the simulator on a port of this computer with a model file."""
     server = socketio.Server()
     network = load_model(Path(model_file)).network
     integral = 0.0

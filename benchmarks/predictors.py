@@ -1,11 +1,11 @@
-"""What tells how a model drives before it drives? Replay and validation error beside the true closed loop.
+"""Correlation of the steering error and of replays with the autonomy of models in the closed loop.
 
     python benchmarks/predictors.py MODEL... --tracks mountain random:3000 random:3001
 
-A driver who wanders by half a metre is recorded on each built-in track. Each model drives a lap of it, and is
-judged by the recording alone: by its error against the recorded steering, and by replays that measure against
-the road found in the pictures or against the driver's path. Results are appended to a CSV file at once, and
-what is already there is not done again.
+On each built-in track, the expert is recorded while it weaves in its lane by about half a metre. Each model drives a
+lap of the track, and is also evaluated on the recording: by its error against the recorded steering, and by replays
+whose reference line is the road detected in the images or the recorded path. Results are written to a CSV file
+immediately, and models in that file are not evaluated again.
 """
 
 import argparse
@@ -44,7 +44,7 @@ PREDICTORS = {
 
 
 def record_missing(folder: Path, track: str) -> Path:
-    """The wandering driver's recording of a track."""
+    """Record the weaving expert on a track, unless it has been recorded, and return the folder of the recording."""
     target = folder / track.replace(":", "-").replace(" ", "-")
     if not target.exists():
         unfinished = target.with_name(f".{target.name}.part")
@@ -54,7 +54,7 @@ def record_missing(folder: Path, track: str) -> Path:
 
 
 def judge(folder: Path, track: str, models: list[Path]) -> list[dict[str, object]]:
-    """Every figure of some models on a track."""
+    """Return the results of the models on a track, one row per model."""
     rows = read_driving_logs([record_missing(folder, track)]).rows
     recording = prepare(rows)
     return [
@@ -86,7 +86,7 @@ def _predicted(steer: SteeringPolicy, rows: pd.DataFrame, recording: Replayable)
 
 
 def correlations(results: pd.DataFrame) -> pd.DataFrame:
-    """Rank correlation (Spearman) of each predictor with the true autonomy: on each track, and of the models' means."""
+    """Return the Spearman correlation of each predictor with the autonomy: per track, and of each model's means."""
     parts = dict(list(results.groupby("track")))
     parts["mean of the tracks"] = results.groupby("model").mean(numeric_only=True)
     return pd.DataFrame(
@@ -98,7 +98,7 @@ def correlations(results: pd.DataFrame) -> pd.DataFrame:
 
 
 def draw(results: pd.DataFrame) -> Figure:
-    """True autonomy over what three predictors say, a point for each model and track."""
+    """Draw the autonomy in the closed loop over three predictors, with a point for each model and track."""
     figure = Figure((14, 4.6), layout="constrained")
     for axis, column in zip(figure.subplots(1, 3, sharey=True), ("mse", "path 1 m", "road"), strict=True):
         for track, part in results.groupby("track"):
@@ -111,7 +111,7 @@ def draw(results: pd.DataFrame) -> Figure:
 
 
 def main() -> None:
-    """Judge what is missing in the results file, then print and draw it."""
+    """Evaluate what is missing from the results file, and print and draw the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("models", type=Path, nargs="+")
     parser.add_argument("--tracks", nargs="+", default=["mountain", "random:3000-3003"])

@@ -1,7 +1,8 @@
-"""How fast is the built-in simulator? python benchmarks/simulator.py [--against ANOTHER_CHECKOUT].
+"""Speed of the built-in simulator: python benchmarks/simulator.py [--against ANOTHER_CHECKOUT].
 
-Every measurement is a process of its own; rounds alternate between this checkout and, to see what a change brought,
-another one, such as `git worktree add ../before COMMIT` makes. --evaluation also times whole evaluations.
+Every measurement runs in its own process. With --against, rounds alternate between this checkout and another one, such
+as that of `git worktree add ../before COMMIT`, to measure the effect of a change. --evaluation also times complete runs
+of evaluate.py.
 """
 
 import argparse
@@ -16,24 +17,24 @@ import time
 from pathlib import Path
 
 REPOSITORY = Path(__file__).parents[1]
-NAMED = ("lake", "jungle", "mountain")  # not the catalogue's: nothing of `pilot` before it is known which checkout's
+NAMED = ("lake", "jungle", "mountain")  # not from the catalogue: `pilot` is imported only once the checkout is known
 PLACES = 200
 MODEL = "models/built_in.pt"
 EVALUATED_LAPS = 4
 Figures = dict[str, float]
 
 
-# One round of a track, in a process of its own; `pilot` is then that of the checkout that is measured
+# One round on a track, in its own process, in which `pilot` is that of the measured checkout
 
 
 def measure(track: str) -> Figures:
-    """All figures of a track."""
+    """Return all measurements on a track, by name."""
     from pilot.vehicle import CAMERAS
 
     began = time.perf_counter()
     scene, one = rendering(track, ("center",))
     _, three = rendering(track, CAMERAS)
-    lap, times_real = lap_with_pictures(track)
+    lap, times_real = lap_with_frames(track)
     return {
         "scene, s": scene,
         "one camera, frames/s": one,
@@ -47,7 +48,7 @@ def measure(track: str) -> Figures:
 
 
 def rendering(track: str, cameras: tuple[str, ...]) -> tuple[float, float]:
-    """Seconds to build a scene, and sets of frames a second at places all round a track."""
+    """Return the seconds to build a scene, and the sets of frames per second at positions along the whole track."""
     from pilot.simulator.simulator import Simulator
 
     began = time.perf_counter()
@@ -62,7 +63,7 @@ def rendering(track: str, cameras: tuple[str, ...]) -> tuple[float, float]:
 
 
 def physics(track: str) -> float:
-    """How many times as fast as real the expert drives without pictures."""
+    """Return the simulated seconds per second while the expert drives without rendering."""
     from pilot.simulator.catalogue import load_track
     from pilot.simulator.episode import Episode
     from pilot.simulator.expert import Expert
@@ -75,8 +76,8 @@ def physics(track: str) -> float:
     return episode.state.time / (time.perf_counter() - began)
 
 
-def lap_with_pictures(track: str) -> tuple[float, float]:
-    """Seconds that a lap of the expert's takes with a frame each 40 ms, and the car's seconds over that."""
+def lap_with_frames(track: str) -> tuple[float, float]:
+    """Return the wall-clock seconds of an expert's lap with a frame every 40 ms, and simulated seconds per second."""
     from pilot.simulator.expert import Expert
     from pilot.simulator.simulator import Simulator
 
@@ -90,18 +91,18 @@ def lap_with_pictures(track: str) -> tuple[float, float]:
         return seconds, simulator.episode.state.time / seconds
 
 
-# Side by side
+# Comparison of checkouts
 
 
 def measure_apart(checkout: Path, track: str) -> Figures:
-    """`measure` with the code of a checkout."""
+    """Run `measure` with the code of a checkout, in its own process."""
     command = [sys.executable, __file__, "--measure", track, "--checkout", str(checkout)]
     figures: Figures = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     return figures
 
 
 def evaluate(checkout: Path, track: str, jobs: int) -> Figures:
-    """Laps a minute of wall time that a whole evaluation drives, from its start to its tables and pictures."""
+    """Return the laps per minute of a complete run of evaluate.py, from its start to its table and figures."""
     with tempfile.TemporaryDirectory() as folder:
         command = [
             sys.executable,
@@ -122,7 +123,7 @@ def evaluate(checkout: Path, track: str, jobs: int) -> Figures:
 
 
 def compare(track: str, checkouts: list[Path], options: argparse.Namespace) -> None:
-    """Print the medians of a track for each checkout, and the ratios."""
+    """Print the medians of the measurements on a track for each checkout, and their ratios."""
     rounds: list[list[Figures]] = [[] for _ in checkouts]
     for _ in range(options.rounds):
         for checkout, result in zip(checkouts, rounds, strict=True):
@@ -142,7 +143,7 @@ def compare(track: str, checkouts: list[Path], options: argparse.Namespace) -> N
 
 
 def main() -> None:
-    """Print a table."""
+    """Print a table of all measurements."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tracks", nargs="+", default=NAMED)
     parser.add_argument("--against", type=Path, help="a checkout of another version, to be compared with this one")

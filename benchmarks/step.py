@@ -1,9 +1,10 @@
-"""Where the time of a training step goes: python benchmarks/step.py [--network nvidia] [--data RECORDING].
+"""Profile of a training step on one thread: python benchmarks/step.py [--network nvidia] [--data RECORDING].
 
-On one thread, first the stages from the JPEG to the changed weights, then operation by operation: each layer's forward
-pass, input gradient and weight gradient alone, on data in memory, beside a large matrix multiplication (the roofline).
-`lanes` is the share of the processor's vector lanes that the layer's channels can fill: oneDNN computes channels in
-blocks of 16, so that 24 cost as much as 32. Without --data, pictures as large as the simulator's are made up.
+The first table contains the stages from the JPEG file to the updated weights. The second one contains the forward pass,
+input gradient and weight gradient of each layer, measured separately on data in memory and compared with a large matrix
+multiplication (the roofline). `lanes` is the share of the processor's vector lanes that the layer's channels can fill:
+oneDNN computes channels in blocks of 16, so that 24 cost as much as 32. Without --data, synthetic images of the
+simulator's size are used.
 """
 
 import argparse
@@ -19,14 +20,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-os.environ["OMP_NUM_THREADS"] = "1"  # before torch is imported
+os.environ["OMP_NUM_THREADS"] = "1"  # PyTorch reads it when it is imported
 
 import torch
 from torch import Tensor, nn
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from benchmarks.training import endless, made_up_recording, prepare, rate_of
+from benchmarks.training import endless, prepare, rate_of, synthetic_recording
 from pilot import process_settings
 from pilot.data.augment import apply_photometric
 from pilot.data.frame_cache import FrameCache
@@ -35,17 +36,19 @@ from pilot.model.build import build_network
 from pilot.model.networks import network_names
 from pilot.training.trainer import Training
 
-PICTURES = 32  # a part of a batch, as one of two cores has it
-LANES = 16  # float32 values in a vector register of AVX-512
+PICTURES = 32  # samples of a micro-batch: the default batch of 64, divided between two cores
+LANES = 16  # float32 values in an AVX-512 vector register
 
 
 @dataclass(frozen=True)
 class Operation:
-    """One of a layer's three passes.
+    """The forward pass, input gradient or weight gradient of a layer.
 
     Attributes:
-        flop: that it must do for a batch.
-        channels: that it computes.
+        name: name of the operation in the table.
+        flop: number of floating-point operations for a batch.
+        channels: number of channels that it computes.
+        run: function that computes it.
     """
 
     name: str
@@ -55,7 +58,7 @@ class Operation:
 
 
 def seconds(run: Callable[[], object], repeats: int = 20) -> float:
-    """Median time of a call."""
+    """Return the median time of a call in seconds."""
     times = []
     for _ in range(repeats + 3):
         began = time.perf_counter()
@@ -68,7 +71,7 @@ def seconds(run: Callable[[], object], repeats: int = 20) -> float:
 
 
 def stages(training: Training) -> dict[str, float]:
-    """Milliseconds a picture of each stage of a step, and of the whole."""
+    """Return the milliseconds per image of each stage of a step, and of the whole step."""
     loader, network = training.loader, training.network.train()
     drawn, numbers = loader._draw(0), range(PICTURES)
     paths = [loader.images[number] for number in numbers]
@@ -105,10 +108,10 @@ def stages(training: Training) -> dict[str, float]:
 
 
 def print_stages(options: argparse.Namespace) -> None:
-    """Print the table of the stages."""
+    """Print the table of stages."""
     with contextlib.ExitStack() as stack:
         os.environ["XDG_CACHE_HOME"] = stack.enter_context(tempfile.TemporaryDirectory())
-        options.data = options.data or stack.enter_context(made_up_recording(100))
+        options.data = options.data or stack.enter_context(synthetic_recording(100))
         times = stages(prepare(options, cached=True))
     print(f"{options.network}, one thread, batches of {PICTURES}\n\n| stage | ms a picture | share |\n|---|---:|---:|")
     for name, took in times.items():
@@ -119,7 +122,14 @@ def print_stages(options: argparse.Namespace) -> None:
 
 
 def operations(name: str, layer: nn.Module, given: Tensor, returned: Tensor, *, first: bool) -> list[Operation]:
-    """The passes of a convolution or a dense layer; the network's first one needs no input gradient."""
+    """Return the operations of a convolution or dense layer.
+
+    Args:
+        name: name of the layer.
+        layer: the layer.
+        given, returned: its input and its output for a batch.
+        first: whether it is the network's first layer, which needs no input gradient.
+    """
     given, returned = given.detach(), returned.detach()
     gradient = torch.randn_like(returned)
     if isinstance(layer, nn.Conv2d):
@@ -159,7 +169,7 @@ def operations(name: str, layer: nn.Module, given: Tensor, returned: Tensor, *, 
 
 
 def print_operations(name: str) -> None:
-    """Print the table of the operations."""
+    """Print the table of operations."""
     process_settings.for_training(torch.get_num_threads())
     network = build_network(name, 0)
     frames, steering = torch.randint(0, 256, (PICTURES, 160, 320, 3), dtype=torch.uint8), torch.zeros(PICTURES)
@@ -207,7 +217,7 @@ def print_operations(name: str) -> None:
 
 
 def main() -> None:
-    """Print the tables."""
+    """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--network", default="nvidia", choices=network_names())
     parser.add_argument("--data", type=Path)

@@ -1,12 +1,13 @@
-"""How fast is the training? Every measurement is a process of its own; rounds alternate, so that drifting favours none.
+"""Training speed. Every measurement runs in its own process; rounds alternate, so that drift affects all ways equally.
 
     python benchmarks/training.py --data RECORDING [--network nvidia] [--batch-size 64] [--load]
     python benchmarks/training.py --data RECORDING --sizes 3000 30000 300000
 
-pure: the step on a batch in memory. pipeline: the step on pictures read, decoded and augmented, as `python model.py`
-does it; once all are decoded, and (first) while every one is. keras, loader: the same training as it is usually
-written (classic_pipelines.py). --load keeps one core busy meanwhile. --sizes: the recording, linked as often as
-makes about so many pictures. Without --data, pictures as large as the simulator's are made up.
+Ways: roofline: upper limit, from a large matrix multiplication; pure: steps on a batch in memory; pipeline: steps as in
+`python model.py`, with decoded images in the cache; first: the same, but every image is decoded, as in the first epoch;
+keras, loader: the same training with common Keras and PyTorch pipelines (classic_pipelines.py). --load keeps one core
+busy. --sizes compares recordings of about these numbers of images, made by linking the recording repeatedly. Without
+--data, synthetic images of the simulator's size are used.
 """
 
 import argparse
@@ -51,8 +52,8 @@ WAYS = ("roofline", "pure", "pipeline", "first", "keras", "loader")
 
 
 @contextlib.contextmanager
-def made_up_recording(moments: int = 400) -> Iterator[Path]:
-    """A recording of pictures that compress like the simulator's (about 13 KB)."""
+def synthetic_recording(moments: int = 400) -> Iterator[Path]:
+    """Create a temporary recording with synthetic images that compress like those of the simulator (about 13 KB)."""
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as name:
         folder, lines = Path(name), []
@@ -73,11 +74,11 @@ def made_up_recording(moments: int = 400) -> Iterator[Path]:
         yield folder
 
 
-# One measurement, in a process of its own
+# One measurement, in its own process
 
 
 def measure(way: str, options: argparse.Namespace) -> float:
-    """Images a second of one way to train; of the roofline: those that its multiplications would be enough for."""
+    """Return the images per second of one way to train; for the roofline, at the speed of a matrix multiplication."""
     if way == "roofline":
         return multiplications() / flop_per_image(options.network)
     if way in {"keras", "loader"}:
@@ -93,12 +94,12 @@ def measure(way: str, options: argparse.Namespace) -> float:
 
 
 def endless(training: Training) -> Iterator[Batch]:
-    """The batches of one epoch after another."""
+    """Yield the batches of one epoch after another, without end."""
     return itertools.chain.from_iterable(training.loader.epoch(epoch) for epoch in itertools.count())
 
 
 def multiplications() -> float:
-    """FLOP a second of a large float32 matrix multiplication on all cores."""
+    """Return the FLOP per second of a large float32 matrix multiplication on all cores."""
     a, b = torch.randn(2048, 2048), torch.randn(2048, 2048)
     times = []
     for _ in range(12):
@@ -109,7 +110,7 @@ def multiplications() -> float:
 
 
 def flop_per_image(name: str) -> float:
-    """Operations of a training step for one picture: forward, and both gradients of all layers but the first."""
+    """Return the FLOP of a training step per image: forward and backward pass, without the gradient of the images."""
     network = build_network(name, 0)
     with FlopCounterMode(display=False) as counter:
         network(torch.zeros((2, 160, 320, 3), dtype=torch.uint8)).sum().backward()
@@ -117,7 +118,7 @@ def flop_per_image(name: str) -> float:
 
 
 def prepare(options: argparse.Namespace, *, cached: bool) -> Training:
-    """A training of this recording; `cached`: with all pictures decoded."""
+    """Return a training on the recording `options.data`; `cached`: read the images from the cache of decoded images."""
     process_settings.for_images()
     config = replace(
         RECIPES["default"], network=options.network, batch_size=options.batch_size, cache_gb=options.cache_gb
@@ -131,7 +132,7 @@ def prepare(options: argparse.Namespace, *, cached: bool) -> Training:
 
 
 def rate_of(training: Training, batches: Iterable[Batch], steps: int) -> float:
-    """Images a second of `steps` steps, after some to warm up."""
+    """Return the images per second of `steps` steps, after warm-up steps."""
     source = training.steps(batches)
     for _ in itertools.islice(source, WARM_UP):
         pass
@@ -140,11 +141,11 @@ def rate_of(training: Training, batches: Iterable[Batch], steps: int) -> float:
     return images / (time.perf_counter() - began)
 
 
-# All of them, side by side
+# Comparison
 
 
 def measure_apart(way: str, options: argparse.Namespace, data: Path) -> tuple[float, float]:
-    """Images a second, and the most memory in MB, of one way to train; not a number where it cannot run."""
+    """Return images per second and peak memory (MB) of one way to train, in its own process; NaN if that fails."""
     arguments = [
         "--measure",
         way,
@@ -170,7 +171,7 @@ def measure_apart(way: str, options: argparse.Namespace, data: Path) -> tuple[fl
 
 
 def compare(options: argparse.Namespace, data: Path) -> None:
-    """Print the rates of every round, and their medians and ratios."""
+    """Print the rates of every round, and the medians of the rates and of their ratios."""
     rounds = []
     for number in range(options.rounds):
         rounds.append([measure_apart(way, options, data)[0] for way in options.ways])
@@ -197,7 +198,7 @@ def compare(options: argparse.Namespace, data: Path) -> None:
 
 
 def grow(options: argparse.Namespace, data: Path) -> None:
-    """Print the cost of an image for recordings of all sizes."""
+    """Print the time per image and the peak memory for recordings of all sizes."""
     own = len(list((data / "IMG").iterdir()))
     sizes = {max(round(size / own), 1) * own: options.cache / str(size) for size in options.sizes}
     for size, folder in sizes.items():
@@ -218,7 +219,7 @@ def grow(options: argparse.Namespace, data: Path) -> None:
 
 
 def multiply(data: Path, folder: Path, copies: int) -> None:
-    """A recording several times over, as links to its pictures: each time of another year, so that none is known."""
+    """Create copies of a recording, with links to its images; the years in their names make all of them distinct."""
     log = (data / LOG_NAME).read_text(encoding="utf-8")
     for copy in range(copies):
         images = folder / f"copy {copy}" / "IMG"
@@ -231,7 +232,7 @@ def multiply(data: Path, folder: Path, copies: int) -> None:
 
 @contextlib.contextmanager
 def busy_core() -> Iterator[None]:
-    """Another program that wants a core for itself."""
+    """Keep one core busy with another process."""
     with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as other:
         try:
             yield
@@ -240,7 +241,7 @@ def busy_core() -> Iterator[None]:
 
 
 def main() -> None:
-    """Print what was asked for."""
+    """Print the comparison of ways, or of recordings of several sizes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path)
     parser.add_argument("--network", default="nvidia", choices=network_names())
@@ -258,7 +259,7 @@ def main() -> None:
         return
     with contextlib.ExitStack() as stack:
         options.cache = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        data = options.data or stack.enter_context(made_up_recording())
+        data = options.data or stack.enter_context(synthetic_recording())
         if options.load:
             stack.enter_context(busy_core())
         grow(options, data) if options.sizes else compare(options, data)

@@ -1,4 +1,4 @@
-"""How like a side camera's picture is the centre camera's, moved to its place? The check of the replay's view.
+"""Accuracy of the replay's warping: centre frames warped to the side cameras' positions, compared with the side frames.
 
 python benchmarks/warp.py RECORDING... [--sheet sheet.png]
 """
@@ -20,12 +20,12 @@ from pilot.data.frames import read_frame
 from pilot.evaluation.replay_view import warp
 from pilot.vehicle import CAMERA_OFFSETS
 
-ROAD = np.s_[75:132, 60:260]  # where a flat ground shows, and no border is continued
-LOOKED_AT = 100  # moments of a recording
+ROAD = np.s_[75:132, 60:260]  # region that shows flat ground and no pixels beyond the border of the frame
+LOOKED_AT = 100  # time steps compared per recording
 
 
 def triples(rows: pd.DataFrame) -> Iterator[tuple[Frame, Frame, Frame]]:
-    """The centre picture, the same moved to a side camera's place, and what that camera saw."""
+    """Yield the centre frame, the same warped to a side camera's position, and that camera's frame."""
     for _, row in rows.iloc[:: max(len(rows) // LOOKED_AT, 1)].iterrows():
         centre = read_frame(row["center"])
         for side in ("left", "right"):
@@ -34,15 +34,15 @@ def triples(rows: pd.DataFrame) -> Iterator[tuple[Frame, Frame, Frame]]:
 
 
 def difference(first: Frame, second: Frame) -> float:
-    """Mean difference on the road, in grey levels."""
+    """Return the mean absolute difference of two frames in the region of the road, in grey levels (0..255)."""
     return float(np.abs(first[ROAD].astype(float) - second[ROAD]).mean())
 
 
 def main() -> None:
-    """Print the errors of each recording."""
+    """Print the mean differences of each recording, without and with warping."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("recordings", type=Path, nargs="+")
-    parser.add_argument("--sheet", type=Path, help="also put every twentieth triple into a picture")
+    parser.add_argument("--sheet", type=Path, help="also put every 40th triple into a picture")
     options = parser.parse_args()
     sheet: list[Frame] = []
     for folder in options.recordings:

@@ -18,6 +18,7 @@ MPH = 0.44704  # m/s in 1 mph
 
 # The car
 WHEELBASE = 2.87
+WHEEL_RADIUS = 0.35
 HALF_TRACK = 1.0  # half of the distance between left and right wheels
 FULL_LOCK_DEGREES = 25.0
 FULL_LOCK = math.radians(FULL_LOCK_DEGREES)  # angle of the front wheels for a steering of 1

@@ -1,1 +1,1 @@
-"""The commands: options in, messages and exit codes out. The scripts beside the package only call them."""
+"""The command lines of the scripts next to the package: options, messages and exit codes."""

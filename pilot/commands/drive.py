@@ -1,4 +1,4 @@
-"""Drive the simulator: python drive.py model.pt [run1] (see --help)."""
+"""Server that drives the simulator's car: python drive.py model.pt [run1] (see --help)."""
 
 import sys
 import time
@@ -16,36 +16,36 @@ PROGRAM = cli.program("drive.py")
 
 @dataclass(frozen=True)
 class ServeConfig:
-    """Serve the simulator (Autonomous mode): steer by a trained model, hold a set speed."""
+    """Drive the simulator's car in autonomous mode: steer with a trained model, and control the speed."""
 
     model: tyro.conf.Positional[Path]
-    """The trained model, such as model.pt."""
+    """Model file, such as model.pt."""
     run: tyro.conf.Positional[Path | None] = None
-    """Record the drive into this folder: frames and driving_log.csv."""
+    """Folder in which to record the drive: frames and driving_log.csv."""
     overwrite: bool = False
-    """Replace a recording that is already in the folder."""
+    """Overwrite an existing recording in the folder."""
     host: str = "127.0.0.1"
-    """Address to serve on."""
+    """Address to listen on."""
     port: int = 4567
-    """Port to serve on; the simulator looks for 4567."""
+    """Port to listen on; the simulator connects to 4567."""
     frame_seconds: float | None = None
-    """For a simulator that does not run in real time (simulator.py connect --fast): its seconds from one telemetry to
-    the next, which are 0.04 there."""
+    """For a simulator that does not run in real time: simulated seconds between two telemetry messages; 0.04 for
+    simulator.py connect --fast. Default: real time."""
     drive: tyro.conf.OmitArgPrefixes[ControllerConfig] = field(default_factory=ControllerConfig)
 
     def check(self) -> None:
-        """Refuse values that cannot work.
+        """Check the values.
 
         Raises:
-            ValueError: names the option, its value and what it may be.
+            ValueError: a value is invalid; the message names the option, its value and the valid range.
         """
         self.drive.check()
         if self.frame_seconds is not None and not 0 < self.frame_seconds <= 1:
-            raise ValueError(f"--frame-seconds {self.frame_seconds:g}: must lie above 0 and up to 1")
+            raise ValueError(f"--frame-seconds {self.frame_seconds:g}: must be greater than 0, and at most 1")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Serve until Ctrl-C, as the options (by default the command line's) say; returns the exit code."""
+    """Serve until Ctrl-C, with the options in `arguments` (default: sys.argv), and return the exit code."""
     config = tyro.cli(ServeConfig, prog=PROGRAM, args=arguments)
 
     def drive() -> None:
@@ -56,13 +56,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def serve(config: ServeConfig) -> None:
-    """Load the model, listen, drive.
+    """Load the model and serve the simulator until Ctrl-C.
 
     Raises:
-        UnusableModel, WrongVersionError, FolderInUseError, OSError: with the cure in the message.
+        UnusableModel: the model file is missing, damaged, or not a model of this program.
+        WrongVersionError: the installed packages do not support the simulator's protocol.
+        FolderInUseError: `config.run` is a file, or contains a recording and `config.overwrite` is not set.
+        OSError: the port is in use, or the folder of the recording cannot be created.
     """
     process_settings.for_serving()
-    # imported here: --help and wrong options need not wait for torch
+    # imported here, so that --help and invalid options do not wait for PyTorch
     from pilot.driving.autopilot import Autopilot, FrameClock
     from pilot.driving.dashboard.page import create_page
     from pilot.driving.dashboard.state import DriveState

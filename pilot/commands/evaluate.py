@@ -1,4 +1,4 @@
-"""How well does a model drive? python evaluate.py model.pt (see --help)."""
+"""Evaluation of how well models drive: python evaluate.py model.pt (see --help)."""
 
 import operator
 import os
@@ -20,57 +20,57 @@ if TYPE_CHECKING:
     from pilot.simulator.trajectory import Trajectory
 
 PROGRAM = cli.program("evaluate.py")
-EXPERT = Path("expert")  # as a model: the built-in simulator's expert
+EXPERT = Path("expert")  # given instead of a model file: the built-in simulator's expert
 
 
 @dataclass(frozen=True)
 class EvaluationConfig:
-    """Have models drive in the built-in simulator, or replay recordings to them, and tell how well they do.
+    """Evaluate how well models drive in the built-in simulator, or in replays of recordings.
 
-    The car is put back whenever it leaves the road. Same options, same figures.
+    The car is put back whenever it leaves the road. The same options give the same scores.
     """
 
     models: tyro.conf.Positional[tuple[Path, ...]]
-    """The trained models, such as model.pt; `expert` is the driver who recorded the demonstrations."""
+    """Model files, such as model.pt; `expert`: the expert driver that records the demonstrations."""
     tracks: tuple[str, ...] = ()
-    """lake, jungle, mountain, random:SEED, or a range such as random:0-49; "lake reversed" is the other way round.
-    Without it, and without --recordings: these three both ways round, and random:0-4."""
+    """lake, jungle, mountain, random:SEED, or a range such as random:0-49; "lake reversed": in the other direction.
+    Default without --recordings: the three named tracks in both directions, and random:0-4."""
     lights: tuple[Literal["noon", "evening", "overcast"], ...] = ()
-    """Each track in each of these; without it, in its own."""
+    """Lights in which each track is driven. Default: the track's own."""
     seeds: tuple[int, ...] = ()
-    """Start places, one drive for each; without it, the start line."""
+    """Seeds of random start positions, one episode each. Default: the start line."""
     conditions: tyro.conf.OmitArgPrefixes[Conditions] = field(default_factory=Conditions)
     recordings: tuple[Path, ...] = ()
-    """Recordings of people's drives to replay: the pictures are warped to where the model's car stands."""
+    """Recordings to replay, with the frames warped to the position of the car that the model steers."""
     last_part: float = 1.0
-    """Replay only this last share of each recording; to learn from the rest: model.py --samples.first-part."""
+    """Replay only this last share (0..1) of each recording; model.py --samples.first-part trains on the rest."""
     socket: bool = False
-    """Through the real drive.py and its socket, instead of what is in it; latency is then the wire's."""
+    """Drive through drive.py and its socket instead of in this process; the latency is then that of the protocol."""
     jobs: int | None = None
-    """Drives at the same time; without it, one for each core."""
+    """Number of episodes and replays in parallel. Default: one per core."""
     out: Path = Path("evaluation")
-    """Folder for scores.json and the pictures."""
+    """Folder for scores.json and the figures."""
     video: bool = False
-    """Also make a clip of each drive."""
+    """Also make a clip of each episode or replay."""
 
     @property
     def driven_tracks(self) -> list[str]:
-        """The tracks, one by one.
+        """Names of the tracks to drive, with ranges expanded.
 
         Raises:
-            ValueError: a range is empty or absurd.
+            ValueError: a range is empty or too large.
         """
         return expand_tracks(self.tracks or ([] if self.recordings else default_tracks()))
 
     def check(self) -> None:
-        """Refuse what cannot be driven.
+        """Check the values.
 
         Raises:
-            ValueError: names the option, its value and what it may be.
+            ValueError: a value is invalid; the message names the option, its value and the valid range.
         """
         self.conditions.check()
         if not self.models:
-            raise ValueError("which model? Such as: python evaluate.py model.pt")
+            raise ValueError("no model given; for example: python evaluate.py model.pt")
         if self.jobs is not None and self.jobs < 1:
             raise ValueError(f"--jobs {self.jobs}: must be at least 1")
         if min(self.seeds, default=0) < 0:
@@ -87,14 +87,14 @@ class EvaluationConfig:
 
 
 def default_tracks() -> list[str]:
-    """All tracks with names both ways round, and some random ones."""
+    """Return the named tracks in both directions, and a range of random tracks."""
     from pilot.simulator.catalogue import both_ways, track_names
 
     return [*both_ways(track_names()), "random:0-4"]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Evaluate as the options (by default the command line's) say; returns the exit code."""
+    """Evaluate with the options in `arguments` (default: sys.argv), and return the exit code."""
     config = tyro.cli(EvaluationConfig, prog=PROGRAM, args=arguments)
 
     def check_and_evaluate() -> None:
@@ -105,12 +105,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def evaluate(config: EvaluationConfig) -> None:
-    """Drive, measure, print, write.
+    """Evaluate all models on all scenarios; print the scores, and write them with the figures to `config.out`.
 
     Raises:
-        ValueError, OSError, RuntimeError: with the cure in the message.
+        ValueError, OSError, RuntimeError: the evaluation is not possible; the message says why and what to do.
     """
-    # imported here: --help and wrong options need not wait for torch
+    # imported here, so that --help and invalid options do not wait for PyTorch
     from pilot.evaluation.table import table, verdict, write_json
 
     process_settings.for_driving()
@@ -124,11 +124,11 @@ def evaluate(config: EvaluationConfig) -> None:
     ]
     write_json(config.out / "scores.json", evaluations, asdict(config))
     print(table(evaluations), "", *map(verdict, evaluations), sep="\n")
-    print(f"figures and pictures: {config.out}{os.sep}")
+    print(f"scores and figures: {config.out}{os.sep}")
 
 
 def track_scenarios(config: EvaluationConfig) -> "list[Scenario]":
-    """Where to drive.
+    """Return a scenario for each track in each light.
 
     Raises:
         ValueError: there is no such track.
@@ -146,10 +146,10 @@ def track_scenarios(config: EvaluationConfig) -> "list[Scenario]":
 
 
 def recording_scenarios(config: EvaluationConfig) -> "list[Scenario]":
-    """What to replay: the road is found in each first, which takes a while.
+    """Return a scenario for each recording, after detecting the road in its images, which takes a while.
 
     Raises:
-        NoUsableData, UnusableRecording: it cannot be replayed.
+        NoUsableData, UnusableRecording: a recording cannot be replayed.
     """
     from tqdm import tqdm
 
@@ -173,10 +173,10 @@ def recording_scenarios(config: EvaluationConfig) -> "list[Scenario]":
 
 
 def name_paths(paths: Sequence[Path]) -> list[str]:
-    """A name for each model or recording, which its pictures have too: as short as tells them apart.
+    """Return a distinct name for each model or recording: the stem of its path or, if not unique, the whole path.
 
     Raises:
-        ValueError: one of them is named twice.
+        ValueError: a path is given twice.
     """
     stems = [path.stem for path in paths]
     names = [
@@ -184,22 +184,22 @@ def name_paths(paths: Sequence[Path]) -> list[str]:
         for stem, path in zip(stems, paths, strict=True)
     ]
     if len(set(names)) < len(names):
-        raise ValueError("a model or a recording is named twice")
+        raise ValueError("a model or a recording is given twice")
     return names
 
 
 def make_driver(path: Path) -> "PolicyFactory":
-    """Who drives by a model.
+    """Return what makes the steering policy of a model, or of the expert.
 
     Raises:
-        UnusableModel: the file is missing, damaged, or no model of this program.
+        UnusableModel: the file is missing, damaged, or not a model of this program.
     """
     from pilot.evaluation.closed_loop import ModelPolicy, expert_policy
     from pilot.model.checkpoint import load_model
 
     if path == EXPERT:
         return expert_policy
-    load_model(path)  # a wrong one is refused before minutes of driving
+    load_model(path)  # an unusable model is refused before minutes of driving
     return ModelPolicy(path)
 
 
@@ -208,7 +208,11 @@ def drive_all(
     drivers: "dict[str, PolicyFactory]",
     scenarios: "Sequence[Scenario]",
 ) -> "dict[tuple[str, str], list[Trajectory]]":
-    """Do the drives of every model and trial, several at the same time, with a bar; by model and title."""
+    """Drive all models on all scenarios, in parallel, with a progress bar.
+
+    Returns:
+        The trajectories by name of the model and title of the scenario.
+    """
     from tqdm import tqdm
 
     from pilot.workers import run_tasks
@@ -235,7 +239,7 @@ def drive_all(
 
 
 def report(folder: Path, name: str, trajectory: "dict[Scenario, list[Trajectory]]") -> "Evaluation":
-    """Measure what a model drove, and draw it into a folder."""
+    """Compute a model's scores from the trajectories of each scenario, and draw a figure of each into `folder`."""
     from pilot.evaluation.table import Evaluation
     from pilot.simulator.scores import score
     from pilot.training.plots import save

@@ -1,4 +1,4 @@
-"""The built-in simulator: by hand in a window, recorded, or driven by drive.py (see --help)."""
+"""The built-in simulator: driven by hand in a window, by the expert, or by drive.py (see --help)."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -21,53 +21,53 @@ PROGRAM = cli.program("simulator.py")
 
 @dataclass(frozen=True)
 class RoadConfig:
-    """Where to drive."""
+    """Track, direction and light."""
 
     track: str = "lake"
-    """lake, jungle, mountain, or random:SEED with any number."""
+    """lake, jungle, mountain, or random:SEED with any whole number."""
     reverse: bool = False
-    """The other way round."""
+    """Drive in the other direction."""
     light: Literal["noon", "evening", "overcast"] | None = None
-    """Light; without it the track's own."""
+    """Light. Default: the track's own."""
 
     @property
     def name(self) -> str:
-        """The track with its direction."""
+        """Name of the track with its direction, such as lake reversed."""
         return self.track + (" reversed" if self.reverse else "")
 
 
 @dataclass(frozen=True)
 class WindowConfig:
-    """Drive by hand in a window: keys, mouse or gamepad; R records.
+    """Drive by hand in a window with keyboard, mouse or gamepad; the key R records.
 
     Other commands: simulator.py record --help and simulator.py connect --help.
     """
 
     out: Path = Path("data/by_hand")
-    """Where R records to."""
+    """Folder in which the key R records."""
     road: tyro.conf.OmitArgPrefixes[RoadConfig] = field(default_factory=RoadConfig)
 
 
 @dataclass(frozen=True)
 class RecordConfig:
-    """Have the expert drive, and record it as the real simulator does."""
+    """Let the expert drive, and record it in the format of the Unity simulator."""
 
     out: Path
-    """Where the recording goes; one that is there already goes on."""
+    """Folder of the recording; an existing recording is continued."""
     road: tyro.conf.OmitArgPrefixes[RoadConfig] = field(default_factory=RoadConfig)
     demonstration: tyro.conf.OmitArgPrefixes[DemonstrationConfig] = field(default_factory=DemonstrationConfig)
 
 
 @dataclass(frozen=True)
 class ConnectConfig:
-    """Be driven by drive.py, as the real simulator is: start `python drive.py model.pt` before or after."""
+    """Let drive.py drive, as with the Unity simulator; start `python drive.py model.pt` before or after."""
 
     headless: bool = False
-    """Without a window."""
+    """Run without a window."""
     fast: bool = False
-    """As fast as it goes instead of in real time; headless only. Start drive.py with --frame-seconds 0.04."""
+    """Run as fast as possible instead of in real time; needs --headless, and drive.py --frame-seconds 0.04."""
     laps: float | None = None
-    """End after so many laps; without it Ctrl-C ends."""
+    """Number of laps after which to stop. Default: stop on Ctrl-C."""
     host: str = "127.0.0.1"
     """Address of drive.py."""
     port: int = 4567
@@ -76,7 +76,7 @@ class ConnectConfig:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Do as the options (by default the command line's) say; returns the exit code."""
+    """Run the command in `arguments` (default: sys.argv), and return the exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     command = words.pop(0) if words and words[0] in COMMANDS else ""
     config, action = COMMANDS[command]
@@ -86,7 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def record(config: RecordConfig) -> None:
-    """Record the expert."""
+    """Record the expert driving, with a progress bar."""
     from pilot.simulator.demonstrations import record as record_expert
 
     with tqdm(total=100, desc=config.road.name, unit="%", bar_format="{desc}: {percentage:3.0f}%|{bar}|") as bar:
@@ -97,18 +97,22 @@ def record(config: RecordConfig) -> None:
             light=config.road.light,
             on_progress=lambda done: bar.update(round(100 * done) - bar.n),
         )
-    print(f"{rows} moments in {config.out}. To learn from them: python model.py --data {config.out}")
+    print(f"{rows} rows in {config.out}. To learn from them: python model.py --data {config.out}")
 
 
 def drive_by_hand(config: WindowConfig) -> None:
-    """Open the window."""
+    """Open the window for driving by hand."""
     from pilot.simulator.window.window import drive_manually
 
     drive_manually(config.road.name, config.road.light, config.out)
 
 
 def connect(config: ConnectConfig) -> None:
-    """Be driven, in a window or without."""
+    """Let drive.py drive, with or without a window, and print a summary.
+
+    Raises:
+        ValueError: `config.fast` without `config.headless`, or there is no such track.
+    """
     from pilot.simulator.referee import WHEN_LOST, Referee
     from pilot.simulator.simulator import Simulator
     from pilot.simulator.wire.client import Client
@@ -133,7 +137,7 @@ def connect(config: ConnectConfig) -> None:
 
 
 def show(simulator: "Simulator", client: "Client", title: str) -> None:
-    """Let a window look on."""
+    """Run the client in a window that shows its episode."""
     from pilot.simulator.window.window import Window
 
     try:
@@ -144,7 +148,7 @@ def show(simulator: "Simulator", client: "Client", title: str) -> None:
 
 
 def show_laps(bar: "tqdm[NoReturn]", laps: float) -> None:
-    """Move a bar on, in hundredths of a lap."""
+    """Update a progress bar of laps, in steps of at least 0.01 laps."""
     if laps - bar.n >= 0.01:
         bar.n = min(round(laps, 2), bar.total or laps)
         bar.refresh()
@@ -154,5 +158,5 @@ COMMANDS: dict[str, tuple[type[Any], Callable[[Any], None]]] = {
     "": (WindowConfig, drive_by_hand),
     "record": (RecordConfig, record),
     "connect": (ConnectConfig, connect),
-    "drive": (ConnectConfig, connect),  # its former name
+    "drive": (ConnectConfig, connect),  # the former name of connect
 }

@@ -1,4 +1,4 @@
-"""Train a network to steer: python model.py --data RECORDING (see --help)."""
+"""Training of a network to steer: python model.py --data RECORDING (see --help)."""
 
 import argparse
 import dataclasses
@@ -16,12 +16,12 @@ from pilot.training.config import TrainingConfig, config_from_jsonable
 from pilot.training.recipes import RECIPES
 
 PROGRAM = cli.program("model.py")
-BUILT_IN = "built_in"  # folder in data/ for the built-in simulator's recordings
-MAY_CHANGE = {"resume", "epochs", "patience", "min_delta", "tensorboard", "device", "cache_gb"}  # in a resumed training
+BUILT_IN = "built_in"  # subfolder of data/ for the demonstrations of the built-in simulator
+MAY_CHANGE = {"resume", "epochs", "patience", "min_delta", "tensorboard", "device", "cache_gb"}  # options, on --resume
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Train as the options (by default the command line's) say; returns the exit code."""
+    """Train with the options in `arguments` (default: sys.argv), and return the exit code."""
 
     def train() -> None:
         config = parse_options(sys.argv[1:] if arguments is None else arguments)
@@ -32,32 +32,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def run(config: TrainingConfig) -> None:
-    """Record where there is nothing, and train.
+    """Train; without --data, first record demonstrations if there are no recordings.
 
     Raises:
-        NoUsableData, UnusableModel, ValueError, OSError: with the cure in the message.
+        NoUsableData, UnusableModel, ValueError, OSError: training is not possible; the message says what to do.
     """
-    # imported here: --help and wrong options need not wait for torch, nor the processes that record
+    # imported here, so that --help, invalid options and the processes that record do not wait for PyTorch
     from pilot.training.devices import choose_device
     from pilot.training.distributed import join_processes
     from pilot.training.session import train
 
     process_settings.for_images()
-    choose_device(config.device)  # refuse a wrong one before minutes of reading
+    choose_device(config.device)  # an unavailable one is refused before minutes of reading
     with join_processes() as processes:
         if processes.is_main and not config.data:
             record_if_empty(*config.folders)
         processes.barrier()
-        train(config, processes)
+        train(config, processes, process_settings.for_training)
 
 
 def record_if_empty(folder: Path) -> None:
-    """Where a folder holds no recordings of the user's own, have the built-in simulator's expert record some.
+    """Record the missing demonstrations of the built-in simulator, unless the folder has recordings of the user.
 
     Raises:
         OSError: the folder cannot be written to.
     """
-    from pilot.simulator.demonstrations import missing_demonstrations, record_demonstrations  # takes a while to import
+    from pilot.simulator.demonstrations import missing_demonstrations, record_demonstrations  # slow to import
 
     built_in = folder / BUILT_IN
     if not has_own_recordings(folder) and (missing := missing_demonstrations(built_in)):
@@ -71,7 +71,7 @@ def record_if_empty(folder: Path) -> None:
 
 
 def has_own_recordings(folder: Path) -> bool:
-    """Whether there are recordings in a folder that the built-in simulator did not put there."""
+    """Return whether a folder contains recordings other than the demonstrations of the built-in simulator."""
     return any(folder / BUILT_IN not in log.parents for log in folder.rglob(LOG_NAME))
 
 
@@ -79,10 +79,11 @@ def has_own_recordings(folder: Path) -> bool:
 
 
 def parse_options(arguments: Sequence[str]) -> TrainingConfig:
-    """The configuration: the recipe's or the interrupted training's, changed by the options.
+    """Return the training options: those of the recipe or the interrupted training, overridden by `arguments`.
 
     Raises:
-        ValueError: an option's value cannot work, or does not fit the training to be resumed.
+        UnusableModel: there is no interrupted training to resume, or its state is damaged.
+        ValueError: there is no such recipe, or an option must not change on --resume.
     """
     early = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     early.add_argument("--recipe")

@@ -1,4 +1,4 @@
-"""Make a clip of a recorded drive: python video.py run1 (see --help)."""
+"""Clips of recordings: python video.py run1 (see --help)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,35 +17,36 @@ PROGRAM = cli.program("video.py")
 
 @dataclass(frozen=True)
 class ClipConfig:
-    """Make a video (H.264) of a folder of frames; run1 becomes run1.mp4."""
+    """Make an H.264 video of a folder of frames; that of run1 is run1.mp4."""
 
     run: tyro.conf.Positional[Path]
-    """The folder with the frames, as drive.py (or the simulator's original server) recorded it."""
+    """Folder with the frames, as recorded by drive.py or by Udacity's original drive.py."""
     out: Path | None = None
-    """The video to write; without it, the folder's name with .mp4."""
+    """Video file to write. Default: the folder's name with .mp4."""
     fps: float | None = None
-    """Frames a second; without it, as the time stamps of the frames have it."""
+    """Frames per second, up to 240. Default: according to the time stamps in the frames' names."""
     wheel: bool = False
-    """Draw a steering wheel."""
+    """Draw a steering wheel with the recorded steering."""
     speed: bool = False
-    """Write the speed."""
+    """Write the speed in mph."""
     path: bool = False
-    """Draw the path that the steering drives, on the road."""
+    """Draw the path on the road that results from the steering."""
     saliency: Path | None = None
-    """Show what the network of this model file looks at."""
+    """Model file whose saliency to draw: the image regions that activate its network."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Make the clip that the options (by default the command line's) ask for; returns the exit code."""
+    """Make a clip with the options in `arguments` (default: sys.argv), and return the exit code."""
     config = tyro.cli(ClipConfig, prog=PROGRAM, args=arguments)
     return cli.run(PROGRAM, lambda: make(config))
 
 
 def make(config: ClipConfig) -> None:
-    """Make the clip and say what became of it.
+    """Make the clip, and print its path, length and the number of unreadable images.
 
     Raises:
-        ValueError, OSError: with the cure in the message.
+        ValueError, OSError: the clip cannot be made; the message says why and what to do.
+        KeyboardInterrupt: on Ctrl-C; no clip is written.
     """
     from pilot.progress import terminal_bar
     from pilot.video.clip import make_clip, read_log_entries
@@ -65,7 +66,11 @@ def make(config: ClipConfig) -> None:
 
 
 def overlays(config: ClipConfig) -> "Overlays":
-    """What the options ask to be drawn."""
+    """Return the overlays that the options select.
+
+    Raises:
+        UnusableModel: the model file is missing, damaged, or not a model of this program.
+    """
     from pilot.video.clip import Overlays
 
     glow = None

@@ -62,6 +62,17 @@ class AugmentConfig:
             probability = getattr(self, name)
             if not 0 <= probability <= 1:
                 raise ValueError(f"--augment.{name} {probability}: must lie in 0..1")
+        for name in ("brightness_range", "shadow_range", "crop_top", "crop_bottom"):
+            low, high = getattr(self, name)
+            if not 0 <= low <= high:
+                raise ValueError(
+                    f"--augment.{name.replace('_', '-')} {low} {high}: must not be negative, the smaller one first"
+                )
+        if self.crop_top[1] + self.crop_bottom[1] >= 1:
+            raise ValueError(
+                f"--augment.crop-top {self.crop_top[1]} and --augment.crop-bottom {self.crop_bottom[1]}: "
+                "together must leave a part of the frame"
+            )
         if self.viewpoint_lookahead <= 0:
             raise ValueError(f"--augment.viewpoint-lookahead {self.viewpoint_lookahead}: must be greater than 0")
 

@@ -148,6 +148,8 @@ class FrameCache:
     def _make_room(self, size: int) -> bool:
         """Remove abandoned files, and the least recently used ones until `size` bytes fit; return whether they do."""
         self.folder.mkdir(parents=True, exist_ok=True)
+        if size > self.limit:
+            return False
         kept = {file: file.stat() for file in self.folder.iterdir()}
         left = self.limit - size - sum(stat.st_size for stat in kept.values())
         for file in sorted(kept.keys() - self._in_use, key=lambda file: kept[file].st_mtime):

@@ -122,7 +122,8 @@ def split_rows(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.
 
 
 def _validation_blocks(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.Series[bool]":
-    handful = max(round(1 / config.validation_share), 2)
+    share = config.validation_share
+    handful = max(round(1 / min(share, 1 - share)), 2)
     driven = rows.groupby(segment_numbers(rows))["time"].agg(lambda time: time.max() - time.min()).sum()
     blocks = block_numbers(rows, min(config.block_seconds, max(driven, SHORTEST_BLOCK) / handful))
     chosen = []
@@ -130,7 +131,7 @@ def _validation_blocks(rows: pd.DataFrame, config: SampleConfig, rng: Generator)
         unique = numbers.unique()
         starts = range(0, len(unique) - handful // 2, handful)
         chosen += [rng.choice(unique[start : start + handful]) for start in starts]
-    return blocks.isin(chosen)
+    return blocks.isin(chosen) if share <= 1 / 2 else ~blocks.isin(chosen)
 
 
 def _validation_groups(rows: pd.DataFrame, config: SampleConfig, rng: Generator) -> "pd.Series[bool]":

@@ -78,10 +78,10 @@ class Autopilot:
             telemetry = parse_telemetry(data)
             self.last = self._drive(telemetry, began)
         except BadTelemetry as error:
-            self.warnings.say("telemetry cannot be used, the last command stays", error)
+            self.warnings.warn("invalid telemetry, repeating the last command", error)
             self.last = self.safe_command(commas=uses_commas(data))
         except Exception:  # without an answer, the simulator would send no more telemetry
-            log.exception("the driver failed, the last command stays")
+            log.exception("the model failed, repeating the last command")
             self.last = self.safe_command(commas=uses_commas(data))
         return self.last
 
@@ -133,14 +133,14 @@ class Warnings:
     def __init__(self, clock: Callable[[], float]) -> None:
         self.clock = clock
         self._last: dict[str, float] = {}
-        self._unsaid: Counter[str] = Counter()
+        self._suppressed: Counter[str] = Counter()
 
-    def say(self, kind: str, detail: object) -> None:
+    def warn(self, kind: str, detail: object) -> None:
         """Log a warning, or count it if one of the same kind was logged less than 1 s ago."""
         now = self.clock()
         if now - self._last.get(kind, float("-inf")) < 1.0:
-            self._unsaid[kind] += 1
+            self._suppressed[kind] += 1
             return
-        more = self._unsaid.pop(kind, 0)
+        more = self._suppressed.pop(kind, 0)
         log.warning("%s: %s%s", kind, detail, f" ({more} more of these)" if more else "")
         self._last[kind] = now

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from pilot.vehicle import REVERSE_BELOW_MPH, TOP_SPEED_MPH
 
-BRAKES_FROM = 6.0  # mph; above REVERSE_BELOW_MPH because the telemetry is delayed
+MIN_BRAKING_SPEED = 6.0  # mph; above REVERSE_BELOW_MPH because the telemetry is delayed
 LONGEST_STEP = 0.5  # s; longer pauses are integrated over this time only
 
 
@@ -54,7 +54,7 @@ class SpeedController:
         """Reset the integral, at the beginning of a drive."""
         self.integral = 0.0
 
-    def wanted_speed(self, steering: float) -> float:
+    def target_speed(self, steering: float) -> float:
         """Return the target speed in mph for a steering (-1..1): `set_speed`, reduced as configured."""
         slower = self.config.slow_in_curves * min(abs(steering), 1.0)
         return max(self.set_speed * (1 - slower), min(self.set_speed, REVERSE_BELOW_MPH))
@@ -63,19 +63,19 @@ class SpeedController:
         """Return the throttle (-1..1).
 
         The integral grows only while the throttle is within its bounds (anti-windup). A negative throttle brakes, but
-        reverses at low speed; therefore it is used only above `BRAKES_FROM`.
+        reverses at low speed; therefore it is used only above `MIN_BRAKING_SPEED`.
 
         Args:
             speed: measured speed in mph.
             steering: -1..1.
             seconds: since the last call.
         """
-        error = self.wanted_speed(steering) - speed
+        error = self.target_speed(steering) - speed
         grown = self.integral + self.config.ki * error * min(max(seconds, 0.0), LONGEST_STEP)
         wanted = self.config.kp * error + grown
         if -1 <= wanted <= 1 or abs(grown) < abs(self.integral):
             self.integral = min(max(grown, -1.0), 1.0)
-        lowest = -1.0 if speed > BRAKES_FROM else 0.0
+        lowest = -1.0 if speed > MIN_BRAKING_SPEED else 0.0
         return min(max(self.config.kp * error + self.integral, lowest), 1.0)
 
 

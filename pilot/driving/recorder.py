@@ -13,7 +13,7 @@ from pilot.driving.autopilot import Answer
 
 log = logging.getLogger("pilot")
 
-WAITING_AT_MOST = 200  # frames in the queue; if the disk is too slow, frames are dropped so that driving is not delayed
+QUEUE_SIZE = 200  # frames in the queue; if the disk is too slow, frames are dropped so that driving is not delayed
 STOP = None
 
 
@@ -45,7 +45,7 @@ class Recorder:
         self.frames = 0
         self.failed: str | None = None
         _prepare(folder, overwrite=overwrite)
-        self._queue: queue.Queue[tuple[datetime, Answer] | None] = queue.Queue(WAITING_AT_MOST)
+        self._queue: queue.Queue[tuple[datetime, Answer] | None] = queue.Queue(QUEUE_SIZE)
         self._thread = threading.Thread(target=self._write_all, name="recorder", daemon=True)
         self._thread.start()
 

@@ -22,7 +22,7 @@ log = logging.getLogger("pilot")
 
 WORKING_VERSIONS = {"python-socketio": "4.6.1", "python-engineio": "3.13.2"}
 PING_SECONDS, PING_GRACE = 25, 60  # the simulator pings every 25 s, later when it is busy
-REVIVE_SECONDS, REVIVE_AT_MOST = 1.0, 30.0  # without telemetry until the command is sent again; doubled each time
+RESEND_SECONDS, RESEND_AT_MOST = 1.0, 30.0  # without telemetry until the command is sent again; doubled each time
 GONE_SECONDS = 5.0  # without telemetry until another car may take over
 Observer = Callable[[Answer], None]
 
@@ -60,9 +60,9 @@ class DriveServer:
         """Create a server; it accepts connections from the call of `serve` on."""
         self.autopilot, self.observers = autopilot, observers
         self.car: str | None = None
-        self._heard = 0.0
-        self._patience = REVIVE_SECONDS
-        self._told: set[str] = set()
+        self._last_telemetry = 0.0
+        self._resend_after = RESEND_SECONDS
+        self._warned: set[str] = set()
         # async_handlers=False: each telemetry message is answered before the next one is read
         self.socketio = socketio.Server(
             async_mode="eventlet", async_handlers=False, json=TolerantJson, ping_interval=(PING_SECONDS, PING_GRACE)
@@ -106,7 +106,7 @@ class DriveServer:
 
     def _disconnect(self, connection: str) -> None:
         log.info("simulator disconnected (%s)", connection[:6])
-        self._told.discard(connection)
+        self._warned.discard(connection)
         if connection == self.car:
             self._release()
 
@@ -114,14 +114,14 @@ class DriveServer:
         if not self._drives(connection):
             self.socketio.emit("manual", {}, room=connection)
             return
-        self._heard, self._patience = time.monotonic(), REVIVE_SECONDS
+        self._last_telemetry, self._resend_after = time.monotonic(), RESEND_SECONDS
         answer = self.autopilot.answer(data)
         self._send(connection, answer)
         for observe in self.observers:
             observe(answer)
 
     def _unknown(self, connection: str, what: str = "", *_more: Any) -> None:
-        self.autopilot.warnings.say("not understood", what)
+        self.autopilot.warnings.warn("unknown packet", what)
         if connection == self.car:
             self._send(connection, self.autopilot.safe_command())
 
@@ -131,13 +131,13 @@ class DriveServer:
 
     def _drives(self, connection: str) -> bool:
         """Return whether this connection's car is driven; it replaces one that has not sent telemetry for a while."""
-        if self.car is not None and connection != self.car and time.monotonic() - self._heard > GONE_SECONDS:
-            log.warning("the car (%s) is silent; another takes its place", self.car[:6])
+        if self.car is not None and connection != self.car and time.monotonic() - self._last_telemetry > GONE_SECONDS:
+            log.warning("the car (%s) sends no telemetry; another one takes over", self.car[:6])
             self._release()
         if self.car is None:
             self.car = connection
-        if connection != self.car and connection not in self._told:
-            self._told.add(connection)
+        if connection != self.car and connection not in self._warned:
+            self._warned.add(connection)
             log.warning(
                 "a second simulator (%s) connected: one car at a time is driven, this one is not. "
                 "Quit the other simulator first",
@@ -152,9 +152,9 @@ class DriveServer:
     def _watch(self) -> None:
         """Repeat the last command if no telemetry arrives, because a telemetry or an answer may have been lost."""
         while True:
-            eventlet.sleep(REVIVE_SECONDS / 4)
-            if self.car is None or time.monotonic() - self._heard < self._patience:
+            eventlet.sleep(RESEND_SECONDS / 4)
+            if self.car is None or time.monotonic() - self._last_telemetry < self._resend_after:
                 continue
-            log.warning("no telemetry for %.0f s: sending the last command again", self._patience)
-            self._patience = min(2 * self._patience, REVIVE_AT_MOST)
+            log.warning("no telemetry for %.0f s: sending the last command again", self._resend_after)
+            self._resend_after = min(2 * self._resend_after, RESEND_AT_MOST)
             self._send(self.car, self.autopilot.safe_command())

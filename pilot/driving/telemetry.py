@@ -55,11 +55,11 @@ def parse_telemetry(data: Any) -> Telemetry:
         raise BadTelemetry(f"telemetry is a {type(data).__name__}, not an object")
     speed = _number(data, "speed")
     if not 0 <= speed <= PLAUSIBLE_SPEED_MPH:
-        raise BadTelemetry(f"speed {speed:g} mph is absurd")
+        raise BadTelemetry(f"speed {speed:g} mph is implausible")
     jpeg = _jpeg(data)
     frame = decode_frame(np.frombuffer(jpeg, np.uint8))
     if frame is None:
-        raise BadTelemetry("its picture is damaged")
+        raise BadTelemetry("its image is damaged")
     steering, throttle = _number(data, "steering_angle", "0") / FULL_LOCK_DEGREES, _number(data, "throttle", "0")
     return Telemetry(frame, jpeg, speed, steering, throttle, uses_commas(data))
 
@@ -86,11 +86,11 @@ def _number(data: dict[str, Any], name: str, default: str | None = None) -> floa
 def _jpeg(data: dict[str, Any]) -> bytes:
     image = data.get("image")
     if not isinstance(image, str) or not image:
-        raise BadTelemetry("it has no picture")
+        raise BadTelemetry("it has no image")
     try:
         return base64.b64decode(image, validate=True)
     except (binascii.Error, ValueError) as error:
-        raise BadTelemetry("its picture is not base64") from error
+        raise BadTelemetry("its image is not base64") from error
 
 
 def steer_message(steering: float, throttle: float, *, commas: bool) -> dict[str, str]:

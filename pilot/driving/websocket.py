@@ -74,12 +74,12 @@ class PromptWebSocket(RFC6455WebSocket):  # type: ignore[misc]
         return (np.frombuffer(data, np.uint8, size) ^ np.resize(turned, size)).tobytes()
 
     def wait(self) -> str | None:
-        """Return the next packet, passed through `understand`; None at the end of the connection."""
+        """Return the next packet, passed through `replace_unknown`; None at the end of the connection."""
         packet = super().wait()
-        return None if packet is None else understand(packet)
+        return None if packet is None else replace_unknown(packet)
 
 
-def understand(packet: str | bytes) -> str:
+def replace_unknown(packet: str | bytes) -> str:
     """Return pings, events, connect and disconnect packets unchanged, and an event `unknown` for any other packet."""
     if isinstance(packet, str) and (packet.startswith(("42[", "2")) or packet in ("1", "40", "41")):
         return packet

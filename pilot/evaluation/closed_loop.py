@@ -137,7 +137,7 @@ def drive_laps(
         if random.random() >= conditions.lost_frames:
             answer = autopilot.answer(build_telemetry(episode, picture(episode)))
             if answer.telemetry is None:
-                raise RuntimeError("the driver failed; what went wrong stands above")
+                raise RuntimeError("the model failed; see the error above")
             delay.send(episode.ticks, parse_steer(answer.message))
             observe(answer)
         for _ in range(TICKS):

@@ -36,13 +36,13 @@ class Conditions:
         """
         self.speed.check()
         if self.speed.speed < 1:
-            raise ValueError(f"--speed {self.speed.speed:g}: must be at least 1 mph, or no lap comes to its end")
+            raise ValueError(f"--speed {self.speed.speed:g}: must be at least 1 mph, or no lap is completed")
         if not 0 < self.laps <= 1000:
             raise ValueError(f"--laps {self.laps:g}: must be greater than 0, and at most 1000")
         if not 0 <= self.latency_ms <= 2000 or self.latency_ms % TICK_MS:
             raise ValueError(f"--latency-ms {self.latency_ms}: must be a multiple of {TICK_MS} in 0..2000")
         if not 0 <= self.lost_frames < 1:
-            raise ValueError(f"--lost-frames {self.lost_frames:g}: must lie in 0..1, and some have to arrive")
+            raise ValueError(f"--lost-frames {self.lost_frames:g}: must be at least 0 and less than 1")
 
 
 def expand_tracks(names: Sequence[str]) -> list[str]:

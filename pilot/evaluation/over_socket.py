@@ -38,13 +38,13 @@ def run_over_socket(request: DriveRequest) -> Trajectory:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with _serving(request, folder) as (process, port):
-            trajectory = _be_driven(simulator, request, process, port, folder)
+            trajectory = _drive_by_server(simulator, request, process, port, folder)
         if request.clip is not None:
             film(folder / "run", request.clip)
     return trajectory
 
 
-def _be_driven(
+def _drive_by_server(
     simulator: Simulator, request: DriveRequest, process: "subprocess.Popen[str]", port: int, folder: Path
 ) -> Trajectory:
     conditions = request.conditions
@@ -133,4 +133,4 @@ def _free_port() -> int:
 
 def _last_words(folder: Path) -> str:
     lines = (folder / EPISODE_LOG).read_text().strip().splitlines()
-    return lines[-1] if lines else "drive.py ended without a word"
+    return lines[-1] if lines else "drive.py exited without an error message"

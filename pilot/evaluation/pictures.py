@@ -74,7 +74,7 @@ def draw_paths(figure: Figure, axis: Axes, trajectories: Sequence[Trajectory], p
         lines.set_array(np.abs(trajectory.cross_track_errors[1:][continuous]))
         lines.set_clim(0, FAR_OUT)
         axis.add_collection(lines)
-    figure.colorbar(lines, ax=axis, label=f"metres beside {place}", extend="max", shrink=0.8, pad=0.02)
+    figure.colorbar(lines, ax=axis, label=f"cross-track error in m ({place})", extend="max", shrink=0.8, pad=0.02)
     for reason, (marker, colour) in REASONS.items():
         places = np.array(
             [
@@ -94,7 +94,7 @@ def draw_paths(figure: Figure, axis: Axes, trajectories: Sequence[Trajectory], p
                 edgecolors="white",
                 linewidths=0.8,
                 zorder=3,
-                label=f"put back: {reason} ({len(places)})",
+                label=f"intervention: {reason} ({len(places)})",
             )
     if axis.get_legend_handles_labels()[1]:
         axis.legend(loc="best", fontsize=9)

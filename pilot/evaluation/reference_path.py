@@ -21,10 +21,10 @@ from pilot.data.segments import breaks
 from pilot.simulator.car import path_curvature
 from pilot.vehicle import MPH
 
-HARDEST = 12.0  # m/s²; more than tyres allow: the car was moved to another place
+MAX_ACCELERATION = 12.0  # m/s²; more than tyres allow: the car was moved to another place
 SHORTEST_SEGMENT = 5.0  # s; shorter ones are not replayed
 SLOWEST_RATE = 4.0  # rows per second; at 30 mph the car moves 3.4 m between two rows
-STANDING = 0.01  # metres; lower bound of the distance between two rows, so that no deviation is 0
+MIN_STEP = 0.01  # metres; lower bound of the distance between two rows, so that no deviation is 0
 
 # Standard deviations of the equations
 BEND_CHANGES = 0.004  # 1/m per square root of a metre driven: changes of the road's curvature
@@ -82,13 +82,13 @@ def continuous_segments(rows: pd.DataFrame) -> Iterator[pd.DataFrame]:
         UnusableRecording: the log contains no speed, or too few rows per second.
     """
     if rows["speed"].isna().any():
-        raise UnusableRecording("the log holds no speed, without which the driven path is unknown: record anew")
+        raise UnusableRecording("the log holds no speed, without which the driven path is unknown: record again")
     pause = rows["time"].diff()
-    leap = rows["speed"].diff().abs() * MPH > HARDEST * pause + 0.5
+    leap = rows["speed"].diff().abs() * MPH > MAX_ACCELERATION * pause + 0.5
     broken = breaks(rows) | (pause == 0) | leap
     if pause[~broken].median() > 1 / SLOWEST_RATE:
         raise UnusableRecording(
-            f"{1 / pause[~broken].median():.1f} rows a second are too few to replay: "
+            f"{1 / pause[~broken].median():.1f} rows a second are too few for a replay: "
             f"record at least {SLOWEST_RATE:g}, better 10"
         )
     for _, segment in rows.groupby(broken.cumsum(), sort=False):
@@ -116,7 +116,7 @@ def fit_line(motion: Motion, seen: Floats, spread: Floats) -> Line:
     count = len(seen)
     offset, heading, bend = np.arange(3 * count).reshape(3, count)  # indices of the unknowns
     now, then = np.s_[:-1], np.s_[1:]
-    step, turn = np.maximum(motion.steps[now], STANDING), (motion.curvatures * motion.steps)[now]
+    step, turn = np.maximum(motion.steps[now], MIN_STEP), (motion.curvatures * motion.steps)[now]
     ones = np.ones_like(step)
     equations = (
         _equations(

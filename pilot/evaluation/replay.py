@@ -20,7 +20,15 @@ import pandas as pd
 
 from pilot.arrays import Floats, Frame
 from pilot.driving.driver import SteeringPolicy
-from pilot.evaluation.reference_path import Line, Motion, UnusableRecording, continuous_segments, fit_line, motion_of
+from pilot.evaluation.reference_path import (
+    SHORTEST_SEGMENT,
+    Line,
+    Motion,
+    UnusableRecording,
+    continuous_segments,
+    fit_line,
+    motion_of,
+)
 from pilot.evaluation.replay_road import PATH_SPREAD, find_road
 from pilot.evaluation.replay_view import view
 from pilot.simulator.car import path_curvature
@@ -57,7 +65,7 @@ class ReplayConfig:
         """
         limit = min(LIMITS.values()) if self.limit is None else self.limit
         if not 0.1 <= limit <= 4.0:
-            raise ValueError(f"limit {limit:g}: takes 0.1 to 4 m; farther off the pictures show nothing useful")
+            raise ValueError(f"limit {limit:g}: must be in 0.1..4 m")
         if self.start is not None and not abs(self.start) < limit:
             raise ValueError(f"start {self.start:g}: must lie within the limit of {limit:g} m")
 
@@ -109,7 +117,7 @@ class ReplaySegment:
         """Cross-track error of the recorded car in metres (n)."""
         return self.line.offsets - self.lane
 
-    def allowed(self, limit: float) -> tuple[Floats, Floats]:
+    def allowed_errors(self, limit: float) -> tuple[Floats, Floats]:
         """Return the lowest and the highest allowed cross-track error in metres (n each).
 
         Args:
@@ -149,7 +157,7 @@ def prepare(rows: pd.DataFrame) -> Replayable:
     """
     parts = list(continuous_segments(rows))
     if not parts:
-        raise UnusableRecording("no drive of five seconds in it: record a lap without recoveries")
+        raise UnusableRecording(f"no segment of at least {SHORTEST_SEGMENT:g} s: record a lap without recoveries")
     motions = [motion_of(part) for part in parts]
     roads = [find_road(list(part["center"]), motion) for part, motion in zip(parts, motions, strict=True)]
     clarity = float(np.average([road.clarity for road in roads], weights=list(map(len, parts))))
@@ -203,19 +211,19 @@ def _replay(
     car = _ReplayedCar(segment)
     if start is not None:
         car.put(start)
-    offsets, headings, commands, failed = [], [], [], []
-    lowest, highest = segment.allowed(limit)
+    offsets, headings, commands, intervention_rows = [], [], [], []
+    lowest, highest = segment.allowed_errors(limit)
     for index, (_, row) in enumerate(segment.rows.iterrows()):
         offsets.append(car.offset)
         headings.append(car.heading)
         if not lowest[index] <= car.offset <= highest[index]:
-            failed.append(index)
+            intervention_rows.append(index)
             car.put(0.0)
         frame = view({name: row[name] for name in CAMERAS}, car.lateral_shift, car.heading_shift)
         watch(ReplayStep(row, frame, car.offset, car.heading, car.lateral_shift, car.heading_shift))
         commands.append(min(max(steer(frame), -1.0), 1.0))
         car.advance(commands[-1])
-    return _trajectory(segment, np.array(offsets), np.array(headings), np.array(commands), failed)
+    return _trajectory(segment, np.array(offsets), np.array(headings), np.array(commands), intervention_rows)
 
 
 class _ReplayedCar:
@@ -258,7 +266,7 @@ class _ReplayedCar:
 
 
 def _trajectory(
-    segment: ReplaySegment, offsets: Floats, headings: Floats, steering: Floats, failed: Sequence[int]
+    segment: ReplaySegment, offsets: Floats, headings: Floats, steering: Floats, intervention_rows: Sequence[int]
 ) -> Trajectory:
     """Return the trajectory in a map where the reference line starts at the origin, heading north."""
     motion, bends = segment.motion, segment.line.curvatures
@@ -275,7 +283,7 @@ def _trajectory(
             float(progress[index]),
             "off the road",
         )
-        for index in failed
+        for index in intervention_rows
     )
     return Trajectory(times, positions, motion.speeds / MPH, steering, progress, offsets, headings, interventions)
 

@@ -14,7 +14,7 @@ from pilot.simulator.scores import Scores
 from pilot.simulator.trajectory import Trajectory
 
 BREAK = 20.0  # metres on the axis between two segments
-PLACES: dict[Reference, str] = {"road": "the usual place on the road", "path": "the driver's smoothed path"}
+PLACES: dict[Reference, str] = {"road": "the recorded driver's usual line", "path": "the driver's smoothed path"}
 
 
 def draw_replay(title: str, recording: Replayable, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
@@ -37,7 +37,7 @@ def draw_replay(title: str, recording: Replayable, trajectories: Sequence[Trajec
         _draw_cross_track_errors(axes["offsets"], along, segment, trajectory, LIMITS[recording.reference])
         _draw_steering(axes["steering"], along, segment, trajectory)
         begin = float(along[-1]) + BREAK
-    _finish(axes["offsets"], axes["steering"], f"metres beside {place}")
+    _finish(axes["offsets"], axes["steering"], f"cross-track error in m ({place})")
     return figure
 
 
@@ -54,7 +54,7 @@ def _side_by_side(trajectories: Sequence[Trajectory]) -> list[Trajectory]:
 def _draw_cross_track_errors(
     axis: Axes, along: Floats, segment: ReplaySegment, trajectory: Trajectory, limit: float
 ) -> None:
-    axis.fill_between(along, *segment.allowed(limit), color=ASPHALT, linewidth=0)
+    axis.fill_between(along, *segment.allowed_errors(limit), color=ASPHALT, linewidth=0)
     axis.plot(along, segment.driver, color="#555555", linewidth=0.9, linestyle="--")
     axis.plot(along, trajectory.cross_track_errors, color="C0", linewidth=1.1)
     mark_interventions(axis, along, trajectory)

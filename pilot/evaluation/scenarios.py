@@ -123,7 +123,7 @@ class RecordingScenario:
             ValueError: the driver is the expert, which needs the track's geometry.
         """
         if not isinstance(driver, ModelPolicy):
-            raise ValueError("the expert drives in the built-in simulator only: a recording has no road to know")
+            raise ValueError("the expert drives in the built-in simulator only: a recording has no track geometry")
         return [functools.partial(self._replay, driver, clips / f"{self.file}.mp4" if clips else None)]
 
     def _replay(self, driver: ModelPolicy, clip: Path | None) -> list[Trajectory]:
@@ -158,10 +158,10 @@ def _filmed(folder: Path, recording: Replayable, steer: SteeringPolicy, clip: Pa
     rows = pd.concat([segment.rows for segment in recording.segments])
     fps = round(1 / float(rows["time"].diff().median()), 2)
     names = [f"{time_stamp(CLIP_START + timedelta(seconds=number / fps))}.jpg" for number in range(len(rows))]
-    unseen = iter(names)
+    remaining_names = iter(names)
 
     def keep(step: ReplayStep) -> None:
-        (folder / next(unseen)).write_bytes(encode_frame(step.frame))
+        (folder / next(remaining_names)).write_bytes(encode_frame(step.frame))
 
     trajectories = replay(recording, steer, watch=keep)
     steering = np.concatenate([trajectory.steering for trajectory in trajectories])

@@ -1,1 +1,1 @@
-"""A simulator of the simulator: roads, car, cameras and wire of the real one, without Unity, GPU or display."""
+"""Reimplementation of the Unity simulator: tracks, car, cameras and Socket.IO client, without Unity, GPU or display."""

@@ -1,42 +1,51 @@
-"""The simulator's car: a bicycle model with the real one's figures, in steps of 20 ms.
+"""Kinematic bicycle model of the car with the Unity simulator's parameters, in ticks of 20 ms.
 
-Deterministic: the same commands give the same path to the last bit. World axes as in track.py; the
-car's position is that of its rear axle, on the ground.
+Deterministic: the same commands give a bit-identical path. World axes as in track.py; the car's position is
+the middle of its rear axle, on the ground.
 """
 
 import math
 from dataclasses import dataclass
 
-from pilot.vehicle import HALF_TRACK, MPH, REVERSE_BELOW_MPH, TICK, TOP_SPEED_MPH, WHEELBASE, steering_to_curvature
+from pilot.vehicle import (
+    HALF_TRACK,
+    MPH,
+    REVERSE_BELOW_MPH,
+    TICK,
+    TOP_SPEED_MPH,
+    WHEEL_RADIUS,
+    WHEELBASE,
+    steering_to_curvature,
+)
 
 TOP_SPEED = TOP_SPEED_MPH * MPH
-MASS = 1080.0  # kg: body and wheels
-FULL_DRIVE = 2000 / 0.35 / MASS  # m/s²: 2000 N·m in all on wheels of 0.35 m
-FULL_REVERSE = 500 / 0.35 / MASS
-ENGINE_RAMP = 1.0  # s from no to full torque
-DRAG = 0.1  # 1/s, share of the speed that is lost
-GRAVITY = 9.81
-GRIP = {True: 0.95, False: 0.5}  # tyre force over weight, on the road and off it
-OFF_ROAD_DRAG = 0.6  # 1/s, on top
+MASS = 1080.0  # kg, including the wheels
+FULL_DRIVE = 2000 / WHEEL_RADIUS / MASS  # m/s²: a total torque of 2000 N·m
+FULL_REVERSE = 500 / WHEEL_RADIUS / MASS  # m/s²: 500 N·m
+ENGINE_RAMP = 1.0  # s from zero to full torque
+DRAG = 0.1  # 1/s, relative loss of speed
+GRAVITY = 9.81  # m/s²
+GRIP = {True: 0.95, False: 0.5}  # friction coefficient of the tyres, on and off the road
+OFF_ROAD_DRAG = 0.6  # 1/s, added to DRAG
 REVERSE_BELOW = REVERSE_BELOW_MPH * MPH
 
 
 def path_curvature(steering: float, speed: float, *, on_road: bool = True) -> float:
-    """Curvature (1/m) of the path for a steering of -1..1 at a speed in m/s: no tighter than the tyres hold."""
+    """Return the path's curvature (1/m) for a steering of -1..1 at a speed in m/s, limited by the tyres' grip."""
     tightest = GRIP[on_road] * GRAVITY / max(speed * speed, 1e-9)
     return min(max(steering_to_curvature(steering), -tightest), tightest)
 
 
 @dataclass
 class Car:
-    """The car's motion.
+    """State and motion of the car.
 
     Attributes:
-        x, y: metres, of the rear axle.
-        heading: radians, compass.
-        speed: m/s, negative backwards.
-        engine: 0..1, torque that the engine gives now.
-        curvature: 1/m, of the path now; positive to the right.
+        x, y: position of the rear axle's middle, metres.
+        heading: compass heading, radians.
+        speed: m/s, negative in reverse.
+        engine: current torque of the engine as a share of the full one, 0..1.
+        curvature: current curvature of the path, 1/m; positive to the right.
     """
 
     x: float
@@ -47,13 +56,13 @@ class Car:
     curvature: float = 0.0
 
     def advance(self, steering: float, throttle: float, *, on_road: bool = True, slope: float = 0.0) -> None:
-        """One tick of 20 ms.
+        """Advance the car by one tick of 20 ms.
 
         Args:
-            steering: -1..1, positive to the right; at 1 the wheels stand at 25 degrees.
-            throttle: -1..1; negative brakes, and reverses at walking pace.
-            on_road: whether all wheels stand on the road: grass is slippery and slow.
-            slope: rise over run of the ground ahead.
+            steering: -1..1, positive to the right; 1 is a wheel angle of 25 degrees. Clipped.
+            throttle: -1..1; a negative one brakes, and reverses below 5 mph. Clipped.
+            on_road: whether all wheels are on the road; off it there is less grip and more drag.
+            slope: of the ground in the direction of the heading, rise over run.
         """
         steering, throttle = min(max(steering, -1.0), 1.0), min(max(throttle, -1.0), 1.0)
         before = self.speed
@@ -73,12 +82,12 @@ class Car:
             self.speed = max(self.speed + (push + throttle * GRIP[on_road] * GRAVITY) * TICK, 0.0)
         else:
             self.speed += (push + min(throttle, 0.0) * FULL_REVERSE) * TICK
-        if throttle == 0 and abs(self.speed) < 0.3:  # standing on a slope: friction holds it
+        if throttle == 0 and abs(self.speed) < 0.3:  # static friction holds a car that stands on a slope
             self.speed = 0.0
         self.speed = min(max(self.speed, -TOP_SPEED), TOP_SPEED)
 
     def wheels(self) -> list[tuple[float, float]]:
-        """Where the four wheels touch the ground, metres: rear left and right, front left and right."""
+        """Return the wheels' contact points (x, y in metres): rear left, rear right, front left, front right."""
         sine, cosine = math.sin(self.heading), math.cos(self.heading)
         return [
             (self.x + ahead * sine + side * cosine, self.y + ahead * cosine - side * sine)

@@ -1,4 +1,4 @@
-"""The tracks by name: those of the folder tracks/, and random:SEED, any number of them."""
+"""Lookup of tracks and courses by name: those of the folder tracks/, and random:SEED."""
 
 import functools
 import importlib
@@ -12,22 +12,22 @@ from pilot.simulator.track import REVERSED, Track
 
 
 def track_names() -> list[str]:
-    """The tracks that have a name of their own, in the order of their numbers."""
+    """Return the names of the tracks in the folder tracks/, ordered by their NUMBER."""
     numbers = {module.name: _module(module.name).NUMBER for module in pkgutil.iter_modules(tracks.__path__)}
     return sorted(numbers, key=lambda name: (numbers[name], name))
 
 
 def both_ways(names: list[str]) -> list[str]:
-    """Each track, and each driven the other way round."""
+    """Return each name, followed by the name of the same track in the opposite direction."""
     return [name + way for name in names for way in ("", REVERSED)]
 
 
 @functools.lru_cache(32)
 def load_course(name: str) -> Course:
-    """A course by the name of its track, or random:SEED (SEED a whole number from 0).
+    """Load a course by the name of its track, or generate random:SEED (SEED is an integer, at least 0).
 
     Raises:
-        ValueError: there is none of that name.
+        ValueError: there is no track of this name.
     """
     if name in track_names():
         course: Course = _module(name).course()
@@ -39,17 +39,17 @@ def load_course(name: str) -> Course:
 
 
 def load_track(name: str) -> Track:
-    """The road of a course, in the direction of driving: with " reversed" behind its name, the other way round.
+    """Return the track of a course, in the opposite direction if its name ends with " reversed".
 
     Raises:
-        ValueError: there is none of that name.
+        ValueError: there is no track of this name.
     """
     track = load_course(name.removesuffix(REVERSED)).track
     return track.reversed() if name.endswith(REVERSED) else track
 
 
 def file_name(track: str) -> str:
-    """A track's name, maybe with its light behind a comma, as files and folders are called: random-7-reversed."""
+    """Convert a track's name, optionally with ", LIGHT", to a file or folder name such as random-7-reversed."""
     return track.replace(",", "").replace(":", "-").replace(" ", "-")
 
 

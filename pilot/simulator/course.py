@@ -1,4 +1,4 @@
-"""What a simulated road looks like: its paint, what lies beside it, and the light."""
+"""Courses: a track with its appearance, roadside and light."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -10,21 +10,21 @@ from pilot.arrays import Floats
 from pilot.simulator.track import STEP, Track
 
 Colour = tuple[int, int, int]  # RGB, 0..255
-Grain = Literal["asphalt", "tarmac"]  # coarse or fine
+Grain = Literal["asphalt", "tarmac"]  # coarse, fine
 Plant = Literal["pine", "palm", "boulder"]
 Roadside = Literal["hill", "cliff", "drop", "water", "dirt", "bridge", "grove"]
 DIRT: Colour = (176, 128, 78)
-RAMP = 12.0  # metres in which one kind of roadside goes over into the next
+RAMP = 12.0  # metres of transition at each end of a section of the roadside
 
 
 @dataclass(frozen=True)
 class RoadsideSection:
-    """A part of the road that has something beside it.
+    """A section of the roadside; outside all sections there is grass.
 
     Attributes:
-        kind: what; elsewhere there are meadows.
+        kind: of the roadside.
         start, end: shares of the lap, 0..1.
-        side: -1 left, 1 right, 0 both, in the direction that the course was laid out in.
+        side: -1 left, 1 right, 0 both, in the direction of the course's track.
     """
 
     kind: Roadside
@@ -35,14 +35,14 @@ class RoadsideSection:
 
 @dataclass(frozen=True)
 class Look:
-    """Colours and kinds; RGB 0..255."""
+    """Colours (RGB, 0..255), textures and plants of a course."""
 
     asphalt: Colour = (118, 113, 108)
     grain: Grain = "asphalt"
     edge_line: Colour | None = (205, 180, 60)
     middle_line: Colour | None = None
     paint_inside: float = 0.25
-    """Metres of asphalt between the edge line and the road's edge."""
+    """Width of the asphalt between the edge line and the road's edge, metres."""
     shoulder: Colour | None = (214, 205, 186)
     kerbs: bool = True
     grass: Colour = (122, 120, 46)
@@ -50,23 +50,23 @@ class Look:
     rock: Colour = (158, 148, 128)
     tree: Plant = "pine"
     trees: float = 16.0
-    """Trees or boulders on a hectare."""
+    """Trees or boulders per hectare, approximately."""
     relief: float = 5.0
-    """Metres that the land away from the road goes up and down."""
+    """Scale of the terrain's height variation away from the road, metres."""
     verge: float = 0.0
-    """Metres by which tree and rock come nearer to the road than elsewhere."""
+    """Reduction of the plants' minimum distance from the road's edge, metres."""
 
 
 @dataclass(frozen=True)
 class Light:
-    """Where the sun stands and what colours its light has.
+    """The sun's position and the colours of its light and of the sky.
 
     Attributes:
-        azimuth: degrees, compass direction of the sun.
-        elevation: degrees above the horizon.
-        sun, ambient: RGB, shares of a surface's colour that sun and sky give; up to 1 together.
-        sky, horizon: RGB 0..255.
-        shadows: how dark shadows are, 0 none .. 1.
+        azimuth: compass direction of the sun, degrees.
+        elevation: of the sun above the horizon, degrees.
+        sun, ambient: RGB factors of the direct and of the ambient light; their sum is about 1 at most.
+        sky, horizon: colours of the sky at the top and at the horizon, RGB, 0..255.
+        shadows: strength of the shadows, from 0 (none) to 1.
     """
 
     azimuth: float
@@ -87,15 +87,15 @@ LIGHTS = {
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A road with its surroundings.
+    """A track with its surroundings.
 
     Attributes:
-        track: the road, in the direction that it was laid out in.
-        look: colours and kinds.
-        light: name of its usual light, a key of LIGHTS.
-        roadside: what lies beside it.
-        seed: of everything random in its surroundings.
-        water: metres, height of a lake; None where there is none.
+        track: in its original direction, never reversed.
+        look: colours, textures and plants.
+        light: default light, a key of LIGHTS.
+        roadside: sections of the roadside.
+        seed: of the random surroundings.
+        water: height of the lake's surface, metres; None: no lake.
     """
 
     track: Track
@@ -106,18 +106,18 @@ class Course:
     water: float | None = None
 
     def weight(self, kind: Roadside, side: int) -> Floats:
-        """How much of a kind lies on a side (-1, 1) at each of the track's points, 0..1, with soft ends."""
+        """Return the weight (0..1) of a kind on a side (-1, 1) at each point of the track, with ramps at the ends."""
         weight = self._within(kind, {0, side}).astype(float)
         ramp = np.ones(int(RAMP / STEP)) / int(RAMP / STEP)
         padded = np.concatenate([weight[-len(ramp) :], weight, weight[: len(ramp)]])
         return np.asarray(np.convolve(padded, ramp, "same")[len(ramp) : -len(ramp)])
 
     def on_bridge(self) -> NDArray[np.bool_]:
-        """Which of the track's points lie on a bridge."""
+        """Return a mask of the track's points that lie on a bridge."""
         return self._within("bridge", {-1, 0, 1})
 
     def _within(self, kind: Roadside, sides: set[int]) -> NDArray[np.bool_]:
-        """Which of the track's points lie within a section of a kind on one of some sides."""
+        """Return a mask of the track's points within the sections of a kind on any of the sides."""
         shares = np.arange(len(self.track.points)) / len(self.track.points)
         within = np.zeros(len(shares), bool)
         for section in self.roadside:

@@ -1,4 +1,4 @@
-"""How the expert drives while it is recorded: laps, and recoveries from beside the lane."""
+"""Demonstrations: laps of the expert, and recoveries from disturbed positions."""
 
 import functools
 import math
@@ -13,23 +13,24 @@ from pilot.simulator.expert import Expert
 from pilot.vehicle import HALF_TRACK, MPH, TICK, TOP_SPEED_MPH
 
 LONGEST_RECOVERY = 2.5  # s
-RECOVERY_METRES = 20.0  # about, for the progress bar
-RECOVERY_HEADING = math.radians(6.0)  # typical heading error that is recovered from
-RECOVERED = (0.15, math.radians(1.0))  # metres and radians, when the car is back
+RECOVERY_METRES = 20.0  # approximate length of a recovery, for the progress bar
+RECOVERY_HEADING = math.radians(6.0)  # standard deviation of the heading error at the start
+RECOVERED = (0.15, math.radians(1.0))  # limits of cross-track error (metres) and heading error (radians) at the end
 
 
 @dataclass(frozen=True)
 class DemonstrationConfig:
-    """How the expert drives while it is recorded.
+    """What the expert demonstrates.
 
     Attributes:
-        laps: that are recorded as they are driven.
-        recoveries: that follow all along the road: the car is put beside its lane or askew, and only the way back is
-            recorded (NVIDIA, arXiv 1604.07316: shift and rotation; DART, arXiv 1703.09327: disturbances).
-        rate: rows a second.
-        speed: mph, where the road allows it.
-        wander: metres, that a person typically strays from the middle of the lane.
-        seed: of everything random.
+        laps: Laps to record.
+        recoveries: Recoveries to record after the laps, distributed along the track: the car starts with random
+            cross-track and heading errors, and its return to the middle of the lane is recorded (similar to the
+            shifts and rotations of arXiv 1604.07316 and the disturbances of DART, arXiv 1703.09327).
+        rate: Rows per second.
+        speed: Target speed in mph; bends are taken more slowly.
+        wander: Standard deviation in metres of a random offset from the middle of the lane; imitates a person.
+        seed: Seed of the random generators.
     """
 
     laps: float = 1.0
@@ -40,10 +41,10 @@ class DemonstrationConfig:
     seed: int = 0
 
     def check(self) -> None:
-        """Refuse what cannot be driven.
+        """Check the values.
 
         Raises:
-            ValueError: an option's value makes no sense.
+            ValueError: a value is out of range; the message names the option, its value and the valid range.
         """
         for name, least, most in (
             ("laps", 0, 1000),
@@ -58,11 +59,11 @@ class DemonstrationConfig:
 
 @dataclass(frozen=True)
 class DemonstrationStep:
-    """What is to be recorded.
+    """A time step to be recorded.
 
     Attributes:
-        command: steering and throttle, -1..1 each, that the expert gives at what the cameras see now.
-        done: share of the demonstration that has been driven, 0..1.
+        command: the expert's steering and throttle in the episode's current state, -1..1 each.
+        done: completed share of the demonstration, 0..1.
     """
 
     command: tuple[float, float]
@@ -70,7 +71,7 @@ class DemonstrationStep:
 
 
 def demonstrate(episode: Episode, config: DemonstrationConfig) -> Iterator[DemonstrationStep]:
-    """Drive a demonstration; stops at each moment that is to be recorded, before its command is carried out."""
+    """Drive a demonstration; yields at each time step to be recorded, before its command is applied."""
     lap_share = config.laps / (config.laps + config.recoveries * RECOVERY_METRES / episode.track.length or 1)
     expert = Expert(episode, config.speed, config.wander, config.seed)
     for command in _commands(episode, expert, config.rate, lambda: episode.laps >= config.laps):
@@ -84,7 +85,7 @@ def demonstrate(episode: Episode, config: DemonstrationConfig) -> Iterator[Demon
 
 
 def _commands(episode: Episode, expert: Expert, rate: float, over: Callable[[], bool]) -> Iterator[tuple[float, float]]:
-    """Have the expert drive until it is over; yields its command at the moments to be recorded."""
+    """Let the expert drive until `over()` is true; yields its command at each time step to be recorded."""
     first = episode.ticks
     while not over():
         command = expert.command()
@@ -94,7 +95,7 @@ def _commands(episode: Episode, expert: Expert, rate: float, over: Callable[[], 
 
 
 def _displace(episode: Episode, number: int, config: DemonstrationConfig) -> None:
-    """Put the car beside its lane and askew, but on the road, as fast as suits it there."""
+    """Start a recovery: random lateral offset on the road, heading error, and 50 to 100 % of the allowed speed."""
     random = np.random.default_rng([config.seed, number])
     start = episode.track.length * (number + float(random.uniform())) / config.recoveries
     edge = float(episode.track.half_widths.min()) - HALF_TRACK
@@ -105,7 +106,7 @@ def _displace(episode: Episode, number: int, config: DemonstrationConfig) -> Non
 
 
 def _recovered(episode: Episode, latest: int) -> bool:
-    """Whether the car is back in its lane, or has had its time (ticks)."""
+    """Return whether the car is back in the middle of its lane, or the tick `latest` is reached."""
     state = episode.state
     back = abs(state.cross_track_error) < RECOVERED[0] and abs(state.heading_error) < RECOVERED[1]
     return back or episode.ticks >= latest

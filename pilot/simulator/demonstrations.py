@@ -1,4 +1,4 @@
-"""Have the expert drive a course and record it: course → recording."""
+"""Recording of the expert on tracks: track → recording."""
 
 import functools
 import shutil
@@ -15,10 +15,11 @@ from pilot.simulator.track import REVERSED
 from pilot.vehicle import CAMERAS
 from pilot.workers import run_tasks
 
-# The demonstration that stands in for a person's laps: a bit of everything, both ways round.
-# Without wandering: a row's label is then what the picture asks for, and the recoveries show the way back.
+# The built-in training data, used if there are no recordings by a person: named tracks in both directions, random
+# tracks alternately in one and the other.
+# No wandering, so that the steering depends only on what the image shows; recoveries show how to return to the lane.
 NAMED_TRACKS = DemonstrationConfig(laps=1, recoveries=40, rate=2.0)
-RANDOM_TRACKS = DemonstrationConfig(laps=1, recoveries=14, rate=0.4)  # few rows of many roads
+RANDOM_TRACKS = DemonstrationConfig(laps=1, recoveries=14, rate=0.4)  # few rows from each of many tracks
 DEMONSTRATIONS: dict[str, DemonstrationConfig] = {
     **dict.fromkeys(both_ways(track_names()), NAMED_TRACKS),
     **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_TRACKS for seed in range(1000, 1150)},
@@ -34,13 +35,21 @@ def record(
     listed_as: Path | None = None,
     on_progress: Callable[[float], None] = lambda _: None,
 ) -> int:
-    """Record the expert on a track (lake, jungle, mountain, random:SEED, with " reversed" behind for the other way).
+    """Record a demonstration by the expert on a track.
+
+    Args:
+        track: lake, jungle, mountain or random:SEED; with the suffix " reversed" in the opposite direction.
+        config: what to demonstrate.
+        folder: folder of the recording; rows are appended to an existing one.
+        light: noon, evening or overcast; None: the course's default.
+        listed_as: folder for the paths in the log, if the recording will be moved there; None: `folder`.
+        on_progress: called with the completed share (0..1) after each row.
 
     Returns:
-        rows written.
+        Number of rows written.
 
     Raises:
-        ValueError: there is no such track or light, or the config makes no sense.
+        ValueError: there is no such track or light, or a value of `config` is out of range.
         OSError: the folder cannot be written to.
     """
     config.check()
@@ -55,17 +64,21 @@ def record(
 
 
 def missing_demonstrations(folder: Path) -> list[str]:
-    """The tracks of the demonstration that are not in a folder yet."""
+    """Return the tracks of DEMONSTRATIONS that a folder has no recording of yet."""
     return [track for track in DEMONSTRATIONS if not (folder / file_name(track) / LOG_NAME).exists()]
 
 
 def record_demonstrations(folder: Path, tracks: Sequence[str]) -> Iterator[str]:
-    """Record tracks of the demonstration into a folder, as many at once as there are cores; yields those done.
+    """Record tracks of DEMONSTRATIONS into a folder in parallel, one worker process per core.
 
-    Each is there as a whole or not at all, whatever interrupts it.
+    Each recording is written atomically: an interrupted one is not left behind under its final name.
+
+    Yields:
+        The name of each track when its recording is complete.
 
     Raises:
         OSError: the folder cannot be written to.
+        WorkerKilledError: a worker process was killed.
     """
     for number, _ in run_tasks(functools.partial(_record_whole, folder), tracks, None, process_settings.for_images):
         yield tracks[number]
@@ -75,5 +88,5 @@ def _record_whole(folder: Path, track: str) -> None:
     final, unfinished = folder / file_name(track), folder / f".{file_name(track)}.part"
     shutil.rmtree(unfinished, ignore_errors=True)
     record(track, DEMONSTRATIONS[track], unfinished, listed_as=final)
-    shutil.rmtree(final, ignore_errors=True)  # without a log: of no use
+    shutil.rmtree(final, ignore_errors=True)  # exists only without a driving log, see `missing_demonstrations`
     unfinished.rename(final)

@@ -1,4 +1,4 @@
-"""A car on a road, without pictures: what moves, and where it stands."""
+"""Episodes: the motion of a car on a track, without rendering."""
 
 import math
 from dataclasses import dataclass
@@ -10,17 +10,18 @@ from pilot.vehicle import MPH, TICK, WHEELBASE
 
 @dataclass(frozen=True)
 class CarState:
-    """What is known about the car.
+    """State of the car at one tick.
 
     Attributes:
-        time: s since the start.
-        x, y: metres, of the rear axle; heading: radians, compass.
-        speed: mph, negative backwards.
-        steering, throttle: -1..1, the last command.
-        progress: metres along the road since the start; grows over laps, falls when driving back.
-        cross_track_error: metres to the right of the lane that the car should keep.
-        heading_error: radians by which it points to the right of the road.
-        on_road: whether all four wheels touch the road.
+        time: seconds since the start.
+        x, y: position of the rear axle's middle, metres.
+        heading: compass heading, radians.
+        speed: mph, negative in reverse.
+        steering, throttle: the last command, -1..1.
+        progress: metres along the road since the start; accumulates over laps, decreases when driving backwards.
+        cross_track_error: metres, positive to the right of the lane's middle.
+        heading_error: radians, positive to the right of the road's direction.
+        on_road: whether all four wheels are on the road.
     """
 
     time: float
@@ -37,38 +38,49 @@ class CarState:
 
 
 class Episode:
-    """Moves the car along a road by commands; deterministic.
+    """One drive of the car on a track; deterministic.
 
     Attributes:
-        track: the road. car: the car. where: its place.
+        track: in the direction of driving.
+        car: the car.
+        where: its position relative to the track.
+        ticks: number of ticks since the start.
+        command: the last steering and throttle, -1..1.
         progress: metres along the road since the start.
-        on_road: whether all four wheels touch the road.
-        slope: rise over run of the ground under the car.
+        on_road: whether all four wheels are on the road.
+        slope: of the road under the car, rise over run.
     """
 
     def __init__(self, track: Track, start: float = 0.0) -> None:
-        """Put the car into its lane.
+        """Place the car in the middle of its lane, at rest.
 
         Args:
-            track: the road, in the direction of driving.
-            start: metres along it.
+            track: in the direction of driving.
+            start: start position, metres along the track; taken modulo its length.
         """
         self.track = track
         self.ticks, self.progress, self.command = 0, 0.0, (0.0, 0.0)
         self.place(start % track.length)
 
     def place(self, start: float, offset: float = 0.0, heading_error: float = 0.0, speed: float = 0.0) -> None:
-        """Put the car somewhere: metres along the road and right of its lane, radians to the right, mph."""
+        """Place the car at a position; its progress is not changed.
+
+        Args:
+            start: metres along the track.
+            offset: cross-track error, metres.
+            heading_error: radians, positive to the right.
+            speed: mph.
+        """
         x, y, heading = self.track.at(start, self.track.lane + offset)
         self.car = Car(x, y, heading + heading_error, speed * MPH)
         self._find(start)
 
     def put_back(self) -> None:
-        """Put the car into the middle of its lane where it is, at the speed it has."""
+        """Put the car back into the middle of its lane at its current progress and speed, aligned with the road."""
         self.place(self.where.progress, speed=self.car.speed / MPH)
 
     def advance(self, steering: float, throttle: float) -> CarState:
-        """Drive 20 ms by a command, each -1..1."""
+        """Apply a command (-1..1 each) for one tick of 20 ms; returns the new state."""
         before = self.where
         self.car.advance(steering, throttle, on_road=self.on_road, slope=self.slope)
         self.ticks, self.command = self.ticks + 1, (steering, throttle)
@@ -85,7 +97,7 @@ class Episode:
 
     @property
     def state(self) -> CarState:
-        """What is known about the car now."""
+        """Current state of the car."""
         error = (self.car.heading - self.where.heading + math.pi) % (2 * math.pi) - math.pi
         steering, throttle = self.command
         return CarState(
@@ -104,5 +116,5 @@ class Episode:
 
     @property
     def laps(self) -> float:
-        """Laps driven since the start."""
+        """Number of laps driven since the start."""
         return self.progress / self.track.length

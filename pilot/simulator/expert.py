@@ -1,8 +1,8 @@
-"""The driver who shows how: keeps the lane, slow in bends; like a person on request.
+"""The expert: follows the middle of the lane, and slows down for bends.
 
-Pure pursuit of the lane's middle: R. C. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm (1992),
-CMU-RI-TR-92-01. The point that it steers for is always within the cameras' view, so that a network can learn it;
-steering by the road's curvature at the car's own place keeps the lane better, but that place lies under the bonnet.
+Pure pursuit: R. C. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm (1992), CMU-RI-TR-92-01.
+The point it steers for is always visible to the cameras, so that a network can learn the steering from images.
+Steering by the road's curvature at the car's own position tracks the lane better, but the bonnet hides that position.
 """
 
 import math
@@ -14,23 +14,23 @@ from pilot.simulator.car import GRAVITY
 from pilot.simulator.episode import Episode
 from pilot.vehicle import MPH, TICK, curvature_to_steering
 
-LOOKAHEAD = 10.0  # metres from the rear axle to the point steered for; training labels shifted viewpoints likewise
-SIDEWAYS = 0.45 * GRAVITY  # m/s², that a bend is taken with at most
-BRAKING = 3.5  # m/s², that the expert reckons with
-REACTION = 0.15  # s between seeing and doing, where it is like a person
-KEPT_CLEAR = 0.4  # metres to the road's edge that a person leaves at least
-WANDER_SECONDS = 4.0  # how slowly a person's place in the lane changes
+LOOKAHEAD = 10.0  # metres from the rear axle; equals `viewpoint_lookahead` of the built-in recipe
+MAX_LATERAL_ACCELERATION = 0.45 * GRAVITY  # m/s², maximum lateral acceleration in bends
+DECELERATION = 3.5  # m/s², assumed deceleration
+REACTION = 0.15  # s, time constant of the steering if it wanders
+EDGE_CLEARANCE = 0.4  # metres, minimum distance of the wheels from the road's edge when wandering
+WANDER_SECONDS = 4.0  # s, time constant of the wandering
 
 
 @dataclass
 class Expert:
-    """Steers and accelerates from what it knows of the road.
+    """Driver with perfect knowledge of the track and of the car's state.
 
     Attributes:
-        drive: the car it drives.
-        speed: mph, that it wants where the road allows it.
-        wander: metres, typical distance that it strays from the middle of the lane; 0 is none.
-        seed: of the straying.
+        episode: the car on its track.
+        speed: target speed, mph; bends are taken more slowly.
+        wander: standard deviation of the random target offset from the lane's middle, metres; 0: none.
+        seed: of the wandering.
     """
 
     episode: Episode
@@ -40,44 +40,44 @@ class Expert:
 
     def __post_init__(self) -> None:
         self._random = np.random.default_rng(self.seed)
-        self._aside = self.wander * float(self._random.normal())
+        self._target_offset = self.wander * float(self._random.normal())
         self._steering = 0.0
 
     def command(self) -> tuple[float, float]:
-        """Steering and throttle (-1..1 each) for the next 20 ms; call it once per tick."""
-        self._stray()
+        """Return steering and throttle (-1..1 each) for the next tick of 20 ms; to be called once per tick."""
+        self._wander()
         return self._steer(), self._accelerate()
 
-    def _stray(self) -> None:
-        """An Ornstein-Uhlenbeck walk: wanders, and comes back."""
+    def _wander(self) -> None:
+        """Update the target offset by an Ornstein-Uhlenbeck process."""
         if self.wander:
             step = TICK / WANDER_SECONDS
             kick = self.wander * math.sqrt(2 * step) * float(self._random.normal())
-            room = max(float(self.episode.track.margins.min()) - KEPT_CLEAR, 0.0)
-            self._aside = min(max(self._aside * (1 - step) + kick, -room), room)
+            room = max(float(self.episode.track.margins.min()) - EDGE_CLEARANCE, 0.0)
+            self._target_offset = min(max(self._target_offset * (1 - step) + kick, -room), room)
 
     def _steer(self) -> float:
         track, car = self.episode.track, self.episode.car
-        x, y, _ = track.at(self.episode.where.progress + LOOKAHEAD, track.lane + self._aside)
+        x, y, _ = track.at(self.episode.where.progress + LOOKAHEAD, track.lane + self._target_offset)
         east, north = x - car.x, y - car.y
         right = east * math.cos(car.heading) - north * math.sin(car.heading)
         wanted = curvature_to_steering(2 * right / (east * east + north * north))
-        if self.wander:  # a person's hands take their time
+        if self.wander:  # low-pass filter: a person's reaction is delayed
             wanted = self._steering + (wanted - self._steering) * TICK / REACTION
         self._steering = min(max(wanted, -1.0), 1.0)
         return self._steering
 
     def _accelerate(self) -> float:
-        """Full throttle below the speed that the road ahead allows, brake above."""
+        """Return the throttle that keeps the allowed speed; brakes if it is exceeded by more than 1 m/s."""
         too_slow = self.allowed_speed() - self.episode.car.speed
         if too_slow < -1.0:
             return max(0.5 * (too_slow + 1.0), -1.0)
         return min(max(0.5 * too_slow + 0.2, 0.0), 1.0)
 
     def allowed_speed(self) -> float:
-        """m/s, from which the car can still brake for each bend ahead."""
+        """Return the highest speed (m/s) up to the target from which the car can still brake for every bend ahead."""
         speed = self.episode.car.speed
-        distance = np.arange(0, 10.0 + speed * speed / (2 * BRAKING), 0.5)
+        distance = np.arange(0, 10.0 + speed * speed / (2 * DECELERATION), 0.5)
         curvatures = np.abs(self.episode.track.curvature_ahead(self.episode.where.progress, len(distance) * 0.5))
-        in_bend = SIDEWAYS / np.maximum(curvatures, 1e-6)
-        return min(math.sqrt(float((in_bend + 2 * BRAKING * distance).min())), self.speed * MPH)
+        in_bend = MAX_LATERAL_ACCELERATION / np.maximum(curvatures, 1e-6)
+        return min(math.sqrt(float((in_bend + 2 * DECELERATION * distance).min())), self.speed * MPH)

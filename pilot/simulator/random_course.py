@@ -1,4 +1,4 @@
-"""Random courses: another road, width, paint, land and light for each seed."""
+"""Random courses: track, width, paint, terrain and light are generated from a seed."""
 
 from dataclasses import replace
 
@@ -12,16 +12,16 @@ PAINTS: tuple[Colour | None, ...] = ((205, 180, 60), (230, 230, 226), None)
 GROUNDS: tuple[Colour, ...] = ((122, 120, 46), (78, 104, 38), (150, 128, 84), (90, 86, 60))
 GRAINS: tuple[Grain, ...] = ("asphalt", "tarmac")
 TREES: tuple[Plant, ...] = ("pine", "palm", "boulder")
-NARROWEST_LANES = 4.3  # metres from the middle line to the edge
+NARROWEST_LANES = 4.3  # metres, minimum half width of a road with two lanes
 SIDES: tuple[Roadside, ...] = ("hill", "cliff", "drop", "dirt", "grove")
 
 
 def random_course(seed: int) -> Course:
-    """A course that nobody has seen: another road, width, paint, land and light for each seed."""
+    """Generate a course from a seed; the same seed gives the same course."""
     random = np.random.default_rng([0x70AD, seed])
     track = _random_track(f"random:{seed}", random)
     look = _random_look(random)
-    if look.middle_line:  # two lanes, if there is room for them
+    if look.middle_line:  # two lanes, if the road is wide enough
         wide = track.half_widths.min() > NARROWEST_LANES
         track, look = (replace(track, lane=2.2), look) if wide else (track, replace(look, middle_line=None))
     light = str(random.choice(list(LIGHTS)))
@@ -29,7 +29,7 @@ def random_course(seed: int) -> Course:
 
 
 def _random_track(name: str, random: np.random.Generator) -> Track:
-    while True:  # until one is well formed, which takes a few trials
+    while True:  # until the geometry is valid, which takes a few attempts
         half_width = random.uniform(3.4, 5.0)
         try:
             return closed_road(name, _random_corners(random), half_width)
@@ -38,7 +38,7 @@ def _random_track(name: str, random: np.random.Generator) -> Track:
 
 
 def _random_corners(random: np.random.Generator) -> Floats:
-    """Corners around a circle, so that the road cannot cross itself, and hills that a car can climb."""
+    """Return corners (n x 3, metres) around a circle, so that the road cannot cross itself, with gentle slopes."""
     count = int(random.integers(12, 20))
     angles = 2 * np.pi * (np.arange(count) + random.uniform(-0.2, 0.2, count)) / count
     harmonics = np.arange(2, 6)

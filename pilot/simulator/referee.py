@@ -1,4 +1,4 @@
-"""Watches a drive: records it, puts the car back onto the road, and says when the drive is over."""
+"""The referee: records an episode, puts the car back onto the road, and decides when the episode ends."""
 
 import math
 from collections.abc import Callable
@@ -8,17 +8,17 @@ from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.trajectory import Intervention, Reason, Trajectory, TrajectoryRecorder
 from pilot.vehicle import TICK
 
-MIN_PROGRESS = 1.0  # metres; a car that does not get on by as much is standing
+MIN_PROGRESS = 1.0  # metres; with less progress than this a car counts as standing
 
 
 @dataclass(frozen=True)
 class PutBackRule:
-    """When the car is put back into the middle of its lane.
+    """Limits beyond which the car is put back into the middle of its lane.
 
     Attributes:
-        off_road_seconds: after more than so long with a wheel off the road.
-        off_road_metres: farther than this beyond the road's edge.
-        standing_seconds: after so long without a metre of progress.
+        off_road_seconds: maximum time with a wheel off the road.
+        off_road_metres: maximum distance of the car's position from the road's edge, outside the road.
+        standing_seconds: maximum time without MIN_PROGRESS.
     """
 
     off_road_seconds: float
@@ -26,19 +26,19 @@ class PutBackRule:
     standing_seconds: float
 
 
-AT_ONCE = PutBackRule(0.0, 0.0, 10.0)  # for evaluation: each wheel off the road is an intervention
-WHEN_LOST = PutBackRule(2.0, 8.0, math.inf)  # as long as the car may come back by itself, it is left alone
+AT_ONCE = PutBackRule(0.0, 0.0, 10.0)  # for evaluation: the first wheel off the road is an intervention
+WHEN_LOST = PutBackRule(2.0, 8.0, math.inf)  # only if the car is unlikely to return by itself
 NEVER = PutBackRule(math.inf, math.inf, math.inf)
 
 
 class Referee:
-    """Watches the car of an episode.
+    """Observes the car of an episode.
 
     Attributes:
         episode: the car on its track.
         interventions: so far.
-        departures: times that a wheel left the road.
-        ticks: observed so far.
+        departures: number of times that the car left the road with at least one wheel.
+        ticks: number of ticks observed.
     """
 
     def __init__(
@@ -50,26 +50,26 @@ class Referee:
         rule: PutBackRule = AT_ONCE,
         on_put_back: Callable[[], None] = lambda: None,
     ) -> None:
-        """Begin where the car stands.
+        """Start observing at the car's current position.
 
         Args:
             episode: the car on its track.
-            laps, seconds: after which the drive is over, whichever comes first; None: never.
+            laps, seconds: limits after which the episode is over, whichever is reached first; None: no limit.
             rule: when the car is put back.
-            on_put_back: called when it was.
+            on_put_back: called after the car was put back.
         """
         self.episode, self.laps, self.seconds, self.rule = episode, laps, seconds, rule
         self.on_put_back = on_put_back
         self.interventions: list[Intervention] = []
         self.departures = self.ticks = 0
-        self._ticks_off = 0 if episode.on_road else 1  # since a wheel left the road
-        self._moved = episode.state  # when the car last got on by a metre
+        self._ticks_off = 0 if episode.on_road else 1  # ticks since a wheel left the road; 0: on the road
+        self._moved = episode.state  # state at the last progress of MIN_PROGRESS
         self._first_lap = episode.laps
         self._recorder = TrajectoryRecorder()
         self._recorder.add(episode.state)
 
     def observe(self, state: CarState) -> None:
-        """One tick."""
+        """Record the state after a tick, and put the car back if the rule requires it."""
         self.ticks += 1
         self._recorder.add(state)
         self.departures += not state.on_road and self._ticks_off == 0
@@ -94,12 +94,12 @@ class Referee:
 
     @property
     def over(self) -> bool:
-        """Whether the laps are driven, or the time is up."""
+        """Whether the limit of laps or seconds is reached."""
         laps, seconds = self.episode.laps - self._first_lap, self.ticks * TICK
         by_laps = self.laps is not None and laps >= self.laps
         return by_laps or (self.seconds is not None and seconds >= self.seconds - TICK / 2)
 
     @property
     def trajectory(self) -> Trajectory:
-        """The drive so far."""
+        """Trajectory recorded so far."""
         return self._recorder.trajectory(self.interventions, self.episode.track.length)

@@ -1,8 +1,8 @@
-"""How well a car was driven, in figures: autonomy, place in the lane, smoothness, speed.
+"""Driving metrics: autonomy, cross-track error, heading error, smoothness and speed.
 
-Autonomy is NVIDIA's (Bojarski et al., End to End Learning for Self-Driving Cars, arXiv 1604.07316): each
-intervention counts as six seconds that a person would have driven. Its interval is Wilson's (E. B. Wilson,
-Probable Inference, JASA 1927), with every six seconds of driving as one trial that is lost or not.
+Autonomy as defined by NVIDIA (Bojarski et al., End to End Learning for Self-Driving Cars, arXiv 1604.07316): each
+intervention counts as six seconds driven by a person. Confidence intervals are Wilson's score intervals (E. B. Wilson,
+Probable Inference, JASA 1927); for autonomy, every six seconds of driving are one Bernoulli trial.
 """
 
 import dataclasses
@@ -18,27 +18,29 @@ from pilot.simulator.trajectory import SAMPLED_SECONDS, Trajectory
 
 Interval = tuple[float, float]
 
-INTERVENTION_SECONDS = 6.0  # that a person needs to take over, bring the car back, and hand it over again
-NORMAL_QUANTILE = 1.96  # of a 95 % interval
+INTERVENTION_SECONDS = 6.0  # assumed time to take over, bring the car back into its lane, and hand over again
+NORMAL_QUANTILE = 1.96  # for a two-sided 95 % interval
 
 
 @dataclass(frozen=True)
 class Scores:
-    """How well one drive went, or several together.
+    """Metrics of one trajectory, or of several together.
 
     Attributes:
-        title: what was driven, such as a track.
-        drives: number of drives; clean: those of them without an intervention.
-        seconds: s driven, without what an intervention would cost.
-        distance: metres made good along the road.
-        laps: laps driven; lap_time: s, mean of the whole ones. None where there are none.
-        interventions: times that the car had to be put back.
-        cross_track_mean, cross_track_p95, cross_track_max: absolute cross-track error, metres: mean, 95th percentile,
-            maximum.
-        heading_error: degrees to either side of where it should point, mean.
-        steering_rate: mean absolute change of the steering (-1..1) per second, looked at each 0.1 s.
-        steering_jerk: mean absolute change of that rate per second, in 1/s².
-        speed: mph, mean.
+        title: of what was driven, such as the track's name.
+        drives: number of trajectories.
+        clean: number of trajectories without an intervention.
+        seconds: driven time, without the time that interventions are counted as.
+        distance: progress along the road, metres.
+        laps: number of laps driven, including fractions; None: there are no laps.
+        lap_time: mean time of the complete laps, s; None: there are none.
+        interventions: number of interventions.
+        cross_track_mean, cross_track_p95, cross_track_max: mean, 95th percentile and maximum of the absolute
+            cross-track error, metres.
+        heading_error: mean absolute heading error, degrees.
+        steering_rate: mean absolute rate of change of the steering (-1..1), sampled every 0.1 s, in 1/s.
+        steering_jerk: mean absolute rate of change of the steering rate, in 1/s².
+        speed: mean speed, mph.
     """
 
     title: str
@@ -59,18 +61,14 @@ class Scores:
 
     @property
     def autonomy(self) -> float:
-        """Per cent of the time that the car drove by itself.
-
-        As NVIDIA defines it: below 0 where there is more than one intervention each six seconds.
-        """
+        """Autonomy as defined by NVIDIA, per cent; negative with more than one intervention per six seconds."""
         return (1 - self.interventions * INTERVENTION_SECONDS / self.seconds) * 100 if self.seconds else 0.0
 
     @property
     def autonomy_interval(self) -> Interval:
-        """Per cent between which the autonomy lies with a confidence of 95 %, within 0..100.
+        """95 % confidence interval of the autonomy, per cent, within 0..100.
 
-        Holds for more driving of the same kind, where one failure says nothing about the next; failures that
-        come back at the same place of each lap make it too narrow.
+        Assumes independent failures; it is too narrow if they recur at the same place in each lap.
         """
         trials = self.seconds / INTERVENTION_SECONDS
         low, high = wilson(min(self.interventions, trials), trials)
@@ -78,11 +76,11 @@ class Scores:
 
     @property
     def clean_interval(self) -> Interval:
-        """Share of drives (0..1) without an intervention, with a confidence of 95 %."""
+        """95 % confidence interval of the share (0..1) of trajectories without an intervention."""
         return wilson(self.clean, self.drives)
 
     def to_jsonable(self) -> dict[str, Any]:
-        """As JSON knows it, with what follows from the fields."""
+        """Convert to JSON types; properties derived from the fields are included."""
         derived = {
             "autonomy": self.autonomy,
             "autonomy_interval": list(self.autonomy_interval),
@@ -92,15 +90,17 @@ class Scores:
 
     @classmethod
     def from_jsonable(cls, values: dict[str, Any]) -> "Scores":
-        """The scores that `to_jsonable` made values of."""
+        """Restore scores from the values that `to_jsonable` returned."""
         return cls(**{field.name: values[field.name] for field in dataclasses.fields(cls)})
 
 
 def score(title: str, trajectories: Sequence[Trajectory]) -> Scores:
-    """The scores of one drive, or of several together (start places, tracks): every moment counts the same.
+    """Compute the scores of one trajectory, or of several together (start positions, tracks).
+
+    In the means, all states of all trajectories have the same weight.
 
     Raises:
-        ValueError: there is no drive.
+        ValueError: there is no trajectory.
     """
     if not trajectories:
         raise ValueError(f"{title}: nothing was driven")
@@ -133,7 +133,7 @@ def _mean(values: Sequence[float] | Floats) -> float:
 
 
 def wilson(lost: float, trials: float) -> Interval:
-    """Wilson's score interval (95 %) of a share, of which `lost` in `trials` trials were seen; 0..1 without any."""
+    """Return Wilson's 95 % score interval of the share `lost / trials`; 0..1 if there are no trials."""
     if trials <= 0:
         return 0.0, 1.0
     share, square = lost / trials, NORMAL_QUANTILE**2

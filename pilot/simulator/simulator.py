@@ -1,4 +1,4 @@
-"""The built-in simulator in process: reset, step, look; no Unity, no GPU, no display."""
+"""Programming interface of the built-in simulator: reset, step, look."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,16 +13,16 @@ from pilot.simulator.rendering.renderer import Renderer
 from pilot.simulator.rendering.scene import Scene
 from pilot.simulator.track import REVERSED
 
-TICKS = 2  # of 20 ms in a step: the real simulator sends some 25 frames a second
+TICKS = 2  # of 20 ms per step: the Unity simulator sends about 25 frames per second
 
 
 @dataclass(frozen=True)
 class Observation:
-    """What there is after a step.
+    """Result of a step.
 
     Attributes:
-        frames: by camera (center, left, right), 160x320x3 uint8 RGB each.
-        state: where the car is and what it does.
+        frames: by camera name (center, left, right), 160x320x3 uint8 RGB each.
+        state: of the car.
     """
 
     frames: dict[str, Frame]
@@ -30,29 +30,32 @@ class Observation:
 
 
 class Simulator:
-    """A car on a road with cameras.
+    """Simulated car with cameras on a track.
 
     Attributes:
-        drive: the car on its road; None before the first reset.
+        cameras: names of the cameras that are rendered.
+        ticks: duration of a step in ticks of 20 ms.
+        episode: the car on its track; exists after the first `reset`.
+        renderer: of the cameras; exists after the first `reset`.
     """
 
     def __init__(self, cameras: tuple[str, ...] = ("center",), ticks: int = TICKS) -> None:
-        """Make it; nothing is drawn yet.
+        """Create a simulator; `reset` must be called before `step` and `look`.
 
         Args:
-            cameras: of center, left and right; each costs time.
-            ticks: of 20 ms that a step lasts.
+            cameras: any of center, left and right; each takes time to render.
+            ticks: duration of a step in ticks of 20 ms.
         """
         self.cameras, self.ticks = cameras, ticks
         self._shown: tuple[str, str | None] | None = None
 
     def reset(self, track: str = "lake", seed: int | None = None, light: str | None = None) -> Observation:
-        """Put the car on a road, standing.
+        """Start an episode with the car at rest in the middle of its lane.
 
         Args:
-            track: lake, jungle, mountain or random:SEED; with " reversed" behind, the other way round.
-            seed: None starts at the start line; a number at a place of the road that it chooses.
-            light: noon, evening or overcast; None is the track's own.
+            track: lake, jungle, mountain or random:SEED; with the suffix " reversed" in the opposite direction.
+            seed: of a random start position; None: the start line.
+            light: noon, evening or overcast; None: the course's default.
 
         Raises:
             ValueError: there is no such track or light.
@@ -73,17 +76,17 @@ class Simulator:
         self.renderer = Renderer(scene, self.cameras)
 
     def step(self, steering: float, throttle: float) -> Observation:
-        """Drive a step by a command, each -1..1 (steering positive to the right, throttle below 0 brakes)."""
+        """Apply a command (-1..1 each; right is positive, a negative throttle brakes) for the duration of a step."""
         for _ in range(self.ticks):
             self.episode.advance(steering, throttle)
         return Observation(self.look(), self.episode.state)
 
     def look(self) -> dict[str, Frame]:
-        """What the cameras see now."""
+        """Render the cameras' current frames, by camera name: 160x320x3 uint8 RGB each."""
         return self.renderer.render_episode(self.episode)
 
     def close(self) -> None:
-        """Free the renderer."""
+        """Release the renderer's resources."""
         if self._shown is not None:
             self.renderer.close()
             self._shown = None

@@ -1,7 +1,7 @@
-"""A closed road as geometry: where it goes, how wide it is, and where on it a car stands.
+"""Geometry of closed roads, and location of points relative to them.
 
-World axes: x east, y north, z up, metres. Headings are compass headings in radians: 0 to the north,
-positive to the right, so that steering, curvature, offset and heading all count to the right.
+World axes: x east, y north, z up, in metres. Headings are compass headings in radians: 0 is north, and
+right is positive, as for steering, curvature and lateral offset.
 """
 
 import functools
@@ -15,21 +15,21 @@ from scipy.spatial import KDTree
 from pilot.arrays import Floats
 from pilot.vehicle import HALF_TRACK
 
-REVERSED = " reversed"  # behind the name of a road that is driven the other way
-STEP = 0.5  # metres between the points that a road is kept as
-TIGHTEST = 12.0  # metres, radius of a bend; the car's own least is 6.2
+REVERSED = " reversed"  # suffix of a track's name for the opposite direction
+STEP = 0.5  # metres between consecutive points of a track
+MIN_RADIUS = 12.0  # metres, minimum radius of bends; the car's minimum is 6.2
 
 
 @dataclass(frozen=True)
 class TrackPosition:
-    """Where on a road something stands.
+    """Position relative to a track.
 
     Attributes:
-        progress: metres along the middle line from the start, within 0..length.
-        lateral_offset: metres to the right of the middle line.
-        heading: radians, of the road there.
-        half_width: metres from the middle line to the road's edge.
-        height: metres, of the road there.
+        progress: metres along the centre line from the start, within 0..length.
+        lateral_offset: metres from the centre line, positive to the right.
+        heading: of the road at this progress, radians.
+        half_width: distance from the centre line to the road's edge, metres.
+        height: of the road at this progress, metres.
     """
 
     progress: float
@@ -41,15 +41,15 @@ class TrackPosition:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """A closed road, sampled every half metre along its middle line in the direction of driving.
+    """A closed road, sampled every half metre along its centre line in the direction of driving.
 
     Attributes:
-        name: such as lake, or random:7; with " reversed" behind where it is driven the other way.
-        points: n x 3, metres.
+        name: such as lake or random:7; with the suffix " reversed" in the opposite direction.
+        points: of the centre line, n x 3, metres.
         headings: n, radians, unwrapped.
         curvatures: n, 1/m, positive to the right.
-        half_widths: n, metres.
-        lane: metres to the right of the middle line, where the car belongs.
+        half_widths: distances from the centre line to the road's edge, n, metres.
+        lane: lateral offset of the middle of the car's lane, metres, positive to the right.
     """
 
     name: str
@@ -61,26 +61,26 @@ class Track:
 
     @property
     def length(self) -> float:
-        """Metres along the middle line."""
+        """Length of the centre line, metres."""
         return STEP * len(self.points)
 
     @functools.cached_property
     def tree(self) -> KDTree:
-        """The middle line for nearest-point searches, in x and y."""
+        """KD-tree of the centre line's points (x, y)."""
         return KDTree(self.points[:, :2])
 
     @functools.cached_property
     def margins(self) -> Floats:
-        """Metres that a car in the middle of its lane has between its wheels and the road's edge, at each point."""
+        """Distance (n, metres) from the wheels of a car in the middle of its lane to the road's edge."""
         return np.asarray(self.half_widths - abs(self.lane) - HALF_TRACK)
 
     def beside(self, offsets: Floats | float) -> Floats:
-        """Points (n x 3, metres) beside the middle line; offsets in metres to the right of it."""
+        """Return the points (n x 3, metres) at lateral offsets (one or n, metres) from the centre line."""
         right = np.column_stack([np.cos(self.headings), -np.sin(self.headings), np.zeros(len(self.headings))])
         return np.asarray(self.points + right * np.broadcast_to(offsets, len(self.points))[:, None])
 
     def reversed(self) -> "Track":
-        """The same road driven the other way."""
+        """Return the same road in the opposite direction."""
         name = self.name.removesuffix(REVERSED) if self.name.endswith(REVERSED) else self.name + REVERSED
         return replace(
             self,
@@ -92,12 +92,12 @@ class Track:
         )
 
     def locate(self, x: float, y: float, near: float | None = None) -> TrackPosition:
-        """The place of a point.
+        """Locate a point relative to the track.
 
         Args:
             x, y: metres.
-            near: progress where it was last, so that a road that comes close to itself is no trap;
-                None searches the whole road.
+            near: previous progress (metres) of the point, from which the search starts, so that another part of the
+                road close by is not confused with this one; None: the whole road is searched.
         """
         index = int(self.tree.query((x, y))[1]) if near is None else self._downhill(x, y, int(near / STEP))
         point_x, point_y, height, heading, curvature, half_width, slope = self._rows[index]
@@ -113,7 +113,7 @@ class Track:
         )
 
     def _downhill(self, x: float, y: float, index: int) -> int:
-        """The nearest point to x, y that is reached by coming ever nearer, point by point, from one close by."""
+        """Return the index of the point nearest to x, y, found by descent along the road from `index`."""
         rows, count = self._rows, len(self._rows)
         distance = math.dist(rows[index % count][:2], (x, y))
         for step in (1, -1):
@@ -123,14 +123,14 @@ class Track:
 
     @functools.cached_property
     def _rows(self) -> list[list[float]]:
-        """For each point x, y, z, heading, curvature, half width, slope: plain numbers, fastest for single lookups."""
+        """x, y, z, heading, curvature, half width, slope of each point; as lists, which are faster to index."""
         slopes = (np.roll(self.points[:, 2], -1) - np.roll(self.points[:, 2], 1)) / (2 * STEP)
         table = np.column_stack([self.points, self.headings, self.curvatures, self.half_widths, slopes])
         rows: list[list[float]] = table.tolist()
         return rows
 
     def at(self, progress: float, offset: float = 0.0) -> tuple[float, float, float]:
-        """Position x, y (metres) and the road's heading (radians) at a progress and offset (metres)."""
+        """Return x, y (metres) and the road's heading (radians) at a progress and a lateral offset (metres)."""
         number, part = divmod(progress / STEP, 1)
         x, y, _, heading, curvature, *_ = self._rows[int(number) % len(self._rows)]
         next_x, next_y = self._rows[int(number + 1) % len(self._rows)][:2]
@@ -139,26 +139,26 @@ class Track:
         return x + offset * math.cos(heading), y - offset * math.sin(heading), heading
 
     def curvature_ahead(self, progress: float, distance: float) -> Floats:
-        """Curvatures (1/m) of the next metres."""
+        """Return the curvatures (1/m), one per STEP, of the next `distance` metres after a progress (metres)."""
         indices = (int(progress / STEP) + np.arange(max(int(distance / STEP), 1))) % len(self.points)
         return np.asarray(self.curvatures[indices])
 
 
 def closed_road(name: str, corners: Floats, half_width: float | Floats, *, lane: float = 0.0) -> Track:
-    """A smooth closed road through points.
+    """Create a track from a periodic cubic spline through points.
 
     Args:
-        name: its name.
-        corners: n x 3 (x, y, z) that a periodic spline is laid through.
-        half_width: metres, the same everywhere or one per corner.
-        lane: metres to the right of the middle where the car belongs.
+        name: of the track.
+        corners: interpolated points (x, y, z), n x 3, metres.
+        half_width: distance from the centre line to the road's edge, metres; one value or one per corner.
+        lane: lateral offset of the middle of the car's lane, metres.
 
     Raises:
-        ValueError: it crosses or comes too close to itself, or turns too tightly for its width.
+        ValueError: the road crosses or comes too close to itself, or a bend is too tight for its width.
     """
     corners = np.asarray(corners, float)
     closed = np.vstack([corners, corners[:1]])
-    chords = np.linalg.norm(np.diff(closed[:, :2], axis=0), axis=1) ** 0.5  # centripetal: no loops
+    chords = np.linalg.norm(np.diff(closed[:, :2], axis=0), axis=1) ** 0.5  # centripetal parametrisation avoids loops
     parameter = np.concatenate([[0], np.cumsum(chords)])
     spline = CubicSpline(parameter, closed, bc_type="periodic")
     fine = np.linspace(0, parameter[-1], 40 * len(corners) * 8)
@@ -178,14 +178,14 @@ def closed_road(name: str, corners: Floats, half_width: float | Floats, *, lane:
 
 def _check(track: Track) -> None:
     radius = 1 / np.abs(track.curvatures).max()
-    if radius < max(2 * track.half_widths.max(), TIGHTEST):
+    if radius < max(2 * track.half_widths.max(), MIN_RADIUS):
         raise ValueError(f"{track.name}: a bend of {radius:.1f} m radius is too tight")
     if (closest := separation(track)) < 4 * track.half_widths.max():
         raise ValueError(f"{track.name}: comes within {closest:.1f} m of itself")
 
 
 def separation(track: Track, apart: float = 70.0) -> float:
-    """Least distance (metres) between two points of the road that are at least `apart` along it."""
+    """Return the minimum distance (metres) between points of the road at least `apart` metres apart along it."""
     every = 4
     points = track.points[::every, :2]
     steps = np.arange(len(points))

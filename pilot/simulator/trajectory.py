@@ -1,4 +1,4 @@
-"""What a car did in a drive: its states at even times, and when it had to be put back."""
+"""Trajectories: the car's states over time, and the interventions."""
 
 import dataclasses
 import itertools
@@ -14,19 +14,19 @@ from pilot.simulator.episode import CarState
 
 Reason = Literal["off the road", "no progress"]
 
-SAMPLED_SECONDS = 0.1  # between two looks at the steering: recordings and simulators of any rate compare
+SAMPLED_SECONDS = 0.1  # sampling interval of `steering_rates`, so that trajectories of any rate are comparable
 CSV_COLUMNS = ("time", "x", "y", "speed", "steering", "progress", "cross_track_error", "heading_error")
 
 
 @dataclass(frozen=True)
 class Intervention:
-    """A moment when the car had to be put back.
+    """An intervention: the car was put back onto the lane.
 
     Attributes:
-        time: s since the start.
-        x, y: metres, where the car was then.
+        time: seconds since the start.
+        x, y: position of the car before it was put back, metres.
         progress: metres along the road since the start.
-        reason: what was wrong.
+        reason: for the intervention.
     """
 
     time: float
@@ -38,7 +38,7 @@ class Intervention:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """One drive: what the car did at even times, and when it had to be put back.
+    """States of the car over a drive, and its interventions.
 
     Attributes:
         times: n, s.
@@ -46,10 +46,10 @@ class Trajectory:
         speeds: n, mph.
         steering: n, -1..1.
         progress: n, metres along the road.
-        cross_track_errors: n, metres to the right of where the car should be.
-        heading_errors: n, radians to the right of where it should point.
-        interventions: in order of time.
-        lap: metres of a lap; None where there are no laps.
+        cross_track_errors: n, metres, positive to the right.
+        heading_errors: n, radians, positive to the right.
+        interventions: in chronological order.
+        lap: length of a lap, metres; None: there are no laps.
     """
 
     times: Floats
@@ -63,23 +63,23 @@ class Trajectory:
     lap: float | None = None
 
     def shifted(self, x: float, y: float) -> "Trajectory":
-        """The same drive elsewhere on the map, by so many metres."""
+        """Return a copy with all positions translated by x, y (metres)."""
         interventions = tuple(dataclasses.replace(each, x=each.x + x, y=each.y + y) for each in self.interventions)
         return dataclasses.replace(self, positions=self.positions + np.array([x, y]), interventions=interventions)
 
     @property
     def seconds(self) -> float:
-        """How long it lasted."""
+        """Duration, s."""
         return float(self.times[-1] - self.times[0])
 
     @property
     def distance(self) -> float:
-        """Metres made good along the road."""
+        """Progress from the first to the last state, metres."""
         return float(self.progress[-1] - self.progress[0])
 
     @property
     def lap_times(self) -> list[float]:
-        """Seconds of each whole lap; the first begins where the drive does."""
+        """Duration of each complete lap, s; laps are counted from the trajectory's start."""
         if self.lap is None:
             return []
         laps = int((self.distance + 1e-6) // self.lap)
@@ -88,24 +88,24 @@ class Trajectory:
 
     @property
     def steering_rates(self) -> Floats:
-        """Changes of the steering per second, from one look at it to the next."""
+        """Rates of change of the steering (1/s) between consecutive samples, one every SAMPLED_SECONDS."""
         looks = np.arange(self.times[0], self.times[-1], SAMPLED_SECONDS)
         seen = self.steering[np.searchsorted(self.times, looks + 1e-9, side="right") - 1]
         return np.asarray(np.diff(seen) / SAMPLED_SECONDS)
 
 
 class TrajectoryRecorder:
-    """Collects a car's states, compactly: a drive of hours fits into memory."""
+    """Collects a car's states in a compact array, so that hours of driving fit into memory."""
 
     def __init__(self) -> None:
         self._rows = array("d")
 
     def add(self, state: CarState) -> None:
-        """The state after one more tick."""
+        """Append the state after a tick."""
         self._rows.extend(getattr(state, name) for name in CSV_COLUMNS)
 
     def trajectory(self, interventions: Sequence[Intervention], lap: float) -> Trajectory:
-        """The drive so far; `lap` is the length of the track in metres."""
+        """Return the trajectory recorded so far; `lap` is the track's length in metres."""
         table = np.array(self._rows).reshape(-1, len(CSV_COLUMNS))
         times, _, _, speeds, steering, progress, errors, headings = table.T
         return Trajectory(times, table[:, 1:3], speeds, steering, progress, errors, headings, tuple(interventions), lap)

@@ -1,1 +1,1 @@
-"""From samples to a trained model, and how good it is."""
+"""Training of a model on samples, and its validation."""

@@ -1,4 +1,4 @@
-"""The configuration of a training, whose fields are the command line's options."""
+"""Training options; the fields of the dataclass are the options of the command line."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,64 +14,66 @@ from pilot.model.networks import network_names
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """Learn to steer from recorded laps: reads recordings, trains a network, writes model.pt."""
+    """Train a network to steer on recorded laps, and write it to model.pt."""
 
     data: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
-    """A recording, or a folder of recordings; may be given several times. Without it: data/."""
+    """A recording, or a folder of recordings; may be given several times. Default: data/."""
     out: Path = Path("model.pt")
-    """Where the model goes; history and pictures go into a folder beside it."""
+    """Model file to write; metrics and figures are written to a folder next to it."""
     recipe: str = "default"
-    """Settings to start from (the options here override them): see the table in docs/training.md. Where there are
-    only the built-in simulator's laps to learn from: built-in."""
+    """Set of default options, overridden by the options given here; see the table in docs/training.md. Default:
+    built-in if there are only recordings of the built-in simulator, otherwise default."""
     resume: bool = False
-    """Go on with an interrupted training of this --out, with the options it was started with."""
+    """Resume the interrupted training of this --out with its options."""
     start: Path | None = None
-    """Model to start from instead of random weights, such as models/built_in.pt: it learns on from your laps."""
+    """Model to fine-tune, such as models/built_in.pt, instead of starting from random weights."""
     network: Annotated[str, tyro.conf.arg(help=f"Network to train: {', '.join(network_names())}.")] = "pilotnet"
     epochs: int = 15
-    """Most passes over the data."""
+    """Maximum number of epochs."""
     batch_size: int = 64
-    """Pictures for one step."""
+    """Number of samples per optimisation step, over all processes."""
     learning_rate: float = 1e-3
-    """Adam's learning rate."""
+    """Initial learning rate of Adam."""
     schedule: Literal["constant", "cosine"] = "cosine"
-    """Learning rate over the epochs: as it is, or falling along a cosine to zero in the last."""
+    """Learning rate schedule: constant, or cosine annealing, epoch by epoch, towards zero."""
     warm_up: int = 0
-    """Steps in which the learning rate rises from zero: ReLUs that large first steps kill never come back."""
+    """Number of steps of linear learning rate warm-up, because large first steps can leave ReLUs permanently dead."""
     loss: Literal["mse", "huber"] = "mse"
-    """Loss: the squared error, or Huber's, which counts large errors only linearly."""
+    """Loss: squared error, or Huber loss, which is linear for large errors."""
     huber_delta: float = 0.1
-    """For loss=huber: error (-1..1) from which it counts linearly."""
+    """For loss=huber: absolute error of the steering above which the loss is linear."""
     l2: float = 1e-4
-    """This times the sum of squares of all weights and biases is added to the loss."""
+    """L2 regularisation: factor of the sum of squares of all weights and biases, which is added to the loss."""
     patience: int = 10
-    """Stop after this many epochs without a better validation error; the best epoch is kept. Long by default: with
-    a falling learning rate the error settles only in the last epochs."""
+    """Stop early after this many epochs without a lower validation error. Large by default, because with a decreasing
+    learning rate the error converges only in the last epochs."""
     min_delta: float = 1e-5
-    """How much smaller the validation error must be to count as better."""
+    """Minimum decrease of the validation error that counts as an improvement."""
     select: Literal["error", "driving", "replay"] = "error"
-    """Which epoch is kept: that of the lowest validation error; that which drives best on short stretches of unseen
-    built-in roads (for networks that learn from the built-in simulator); or that which drives best when the
-    recordings' validation blocks are replayed to it. The lowest error's is then kept, too, in the report's folder."""
+    """Criterion for the epoch that is kept: lowest validation error; best driving on short sections of unseen random
+    tracks (for training on the built-in simulator's recordings); or best driving in replays of the validation blocks.
+    For driving and replay, the epoch with the lowest error is also kept, in the folder of the metrics."""
     seed: int = 0
-    """Seed of everything random: same seed, same split, same model (on a CPU)."""
+    """Seed of all random generators; on a CPU, the same seed gives the same split and the same model."""
     device: str = "auto"
-    """cuda, mps or cpu; auto takes the fastest there is."""
+    """cuda, mps or cpu; auto: the fastest one available."""
     cache_gb: float = 4.0
-    """Disk space for decoded pictures (1e9 bytes), in your cache folder: they are kept between trainings, the longest
-    unused go first. 0: decode each picture each time."""
+    """Disk space in GB (1e9 bytes) for decoded images, which are kept in the user's cache folder between trainings; the
+    least recently used are removed first. 0: no cache, every image is decoded in every epoch."""
     tensorboard: bool = False
-    """Also write TensorBoard events (pip install tensorboard)."""
-    # a side camera 0.82 m off the middle comes back 15 m ahead, as the shifted viewpoints do; the students' 0.2
-    # (7 m ahead) is so strong that the picture's place on the road outweighs what the driver did
+    """Also write TensorBoard events; needs the package tensorboard."""
+    # steers a side camera's image, 0.82 m off the middle, back within 15 m, like the shifted viewpoints; with the
+    # students' 0.2 (back within 7 m), the camera's position influences the label more than the driver's steering does
     samples: SampleConfig = field(default_factory=lambda: SampleConfig(side_correction=0.05))
+    """Conversion of the rows of the recordings to samples."""
     augment: AugmentConfig = field(default_factory=AugmentConfig)
+    """Augmentations in training: the probability (0: never) and the range of each."""
 
     def check(self) -> None:
-        """Refuse values that cannot work.
+        """Check the values.
 
         Raises:
-            ValueError: names the option, its value and what it may be.
+            ValueError: a value is invalid; the message names the option, its value and the valid range.
         """
         if self.network not in network_names():
             raise ValueError(f"--network {self.network}: there are {', '.join(network_names())}")
@@ -96,39 +98,39 @@ class TrainingConfig:
             "samples.rotated-copies": self.samples.rotated_copies,
         }
         shares = {"samples.drop-zeros": self.samples.drop_zeros, "samples.first-part": self.samples.first_part}
-        _demand(positive, lambda value: value > 0, "must be greater than 0")
-        _demand(not_negative, lambda value: value >= 0, "must not be negative")
-        _demand(shares, lambda value: 0 <= value <= 1, "must lie in 0..1")
-        if self.select == "replay" and self.samples.split != "blocks":
+        _require(positive, lambda value: value > 0, "must be greater than 0")
+        _require(not_negative, lambda value: value >= 0, "must not be negative")
+        _require(shares, lambda value: 0 <= value <= 1, "must lie in 0..1")
+        if self.select == "replay" and self.samples.split == "moments":
             raise ValueError(
-                f"--select replay with --samples.split {self.samples.split}: single moments cannot be "
-                "replayed; take blocks"
+                f"--select replay with --samples.split {self.samples.split}: replay needs contiguous "
+                "segments; use blocks or recordings"
             )
-        _demand(
+        _require(
             {"samples.validation-share": self.samples.validation_share},
             lambda value: 0 < value < 1,
-            "must lie between 0 and 1: some data to learn from, some to check with",
+            "must be greater than 0 and less than 1",
         )
 
     @property
     def folders(self) -> tuple[Path, ...]:
-        """The recordings to read."""
+        """Recordings, or folders of recordings, to read."""
         return self.data or (Path("data"),)
 
     @property
     def report(self) -> Path:
-        """The folder beside the model for history, pictures and the state of an interrupted training."""
+        """Folder next to the model for metrics, figures and the state of an interrupted training."""
         return self.out.with_name(f"{self.out.stem}_report")
 
 
-def _demand(values: dict[str, float], holds: Callable[[float], bool], rule: str) -> None:
+def _require(values: dict[str, float], holds: Callable[[float], bool], rule: str) -> None:
     for name, value in values.items():
         if not holds(value):
             raise ValueError(f"--{name} {value}: {rule}")
 
 
 def config_from_jsonable(values: dict[str, Any]) -> TrainingConfig:
-    """The configuration that `checkpoint.to_jsonable` turned into plain values."""
+    """Restore a configuration from the plain values that `checkpoint.to_jsonable` made of it."""
 
     def restore(values: dict[str, Any]) -> dict[str, Any]:
         return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}

@@ -1,4 +1,4 @@
-"""Where the network is trained: the device, and how the cores of a CPU share the work."""
+"""Device selection, mixed precision, and threads that compute the micro-batches of a batch on a CPU."""
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -7,19 +7,23 @@ from typing import TypeVar
 import torch
 from torch import nn
 
-CORES = torch.get_num_threads()  # before anything changes it; OMP_NUM_THREADS limits it
+CORES = torch.get_num_threads()  # read at import, before torch.set_num_threads changes it; limited by OMP_NUM_THREADS
 RANDOM_LAYERS = (nn.Dropout, nn.Dropout1d, nn.Dropout2d, nn.Dropout3d, nn.AlphaDropout, nn.RReLU)
-SMALLEST_MICRO_BATCH = 16  # pictures; with fewer, what each call of a layer costs beside its arithmetic begins to count
+SMALLEST_MICRO_BATCH = 16  # samples; with fewer, the fixed overhead of each layer's call becomes significant
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
 def choose_device(name: str, local_rank: int = 0) -> torch.device:
-    """The device of this name; "auto" takes the fastest there is. With several GPUs, each process has its own.
+    """Return the device of this name.
+
+    Args:
+        name: cpu, cuda, cuda:N or mps; auto: the fastest one available.
+        local_rank: number of this process on this machine; "cuda" is the GPU of this number.
 
     Raises:
-        ValueError: this machine has no such device.
+        ValueError: the device is not available on this machine.
     """
     cuda, mps = torch.cuda.is_available(), torch.backends.mps.is_available()
     chosen = name if name != "auto" else "cuda" if cuda else "mps" if mps else "cpu"
@@ -31,22 +35,22 @@ def choose_device(name: str, local_rank: int = 0) -> torch.device:
 
 
 def autocast(device: torch.device) -> torch.autocast:
-    """bfloat16 where the device gains by it: on GPUs that have it; CPUs were slower with it."""
+    """Return a context of bfloat16 autocast, enabled on GPUs that support it only: on CPUs it was slower."""
     gains = device.type == "cuda" and torch.cuda.is_bf16_supported()
     return torch.autocast(device.type, torch.bfloat16, enabled=gains)
 
 
 def micro_batches_of(network: nn.Module, device: torch.device, size: int) -> int:
-    """Into how many micro-batches a batch of this size is best divided, for as many threads.
+    """Return the number of micro-batches, one per thread, into which a batch of `size` samples should be divided.
 
-    One for a GPU, for networks that normalise over the whole batch, and for those that draw at random.
+    It is 1 on GPUs, for networks with batch normalisation, and for networks with random layers.
     """
     whole = device.type != "cpu" or draws_at_random(network) or _has(network, (nn.BatchNorm2d,))
     return 1 if whole else max(min(CORES, size // SMALLEST_MICRO_BATCH), 1)
 
 
 def draws_at_random(network: nn.Module) -> bool:
-    """Whether a network has layers that draw random numbers while it is trained, such as dropout."""
+    """Return whether a network has layers that draw random numbers during training, such as dropout."""
     return _has(network, RANDOM_LAYERS)
 
 
@@ -55,18 +59,21 @@ def _has(network: nn.Module, kinds: tuple[type[nn.Module], ...]) -> bool:
 
 
 class CoreThreads:
-    """Threads that work on the parts of a batch, each with its share of the cores.
+    """Threads that compute the micro-batches of a batch in parallel, each with an equal share of the cores.
 
-    Torch's own way is to divide each operation among all cores. Those wait for each other hundreds of times in a
-    step: for the slowest, if another program has one of the cores. These meet once in a step.
+    PyTorch's intra-op parallelism divides every operation among the cores, which then synchronise hundreds of times
+    per step and wait for the slowest core, such as one that another program uses. These threads synchronise once.
+
+    Attributes:
+        threads_each: number of PyTorch threads per micro-batch.
     """
 
     def __init__(self, micro_batches: int) -> None:
-        """Prepare for batches of `micro_batches` micro-batches."""
+        """Create one thread for each of the `micro_batches` of a batch."""
         self.threads_each = max(CORES // micro_batches, 1)
         initialise = (self.threads_each,)
         self._threads = ThreadPoolExecutor(micro_batches, initializer=torch.set_num_threads, initargs=initialise)
 
     def start(self, work: Callable[[Item], Result], micro_batches: Iterable[Item]) -> list[Future[Result]]:
-        """Have micro-batches worked on side by side, after those that were started before."""
+        """Submit a call of `work` for each micro-batch, after those submitted before, and return the futures."""
         return [self._threads.submit(work, each) for each in micro_batches]

@@ -1,4 +1,4 @@
-"""What a step minimises and how: loss, Adam, learning rate."""
+"""Loss function, optimiser and learning rate schedule."""
 
 import math
 from collections.abc import Sequence
@@ -13,16 +13,16 @@ from pilot.training.config import TrainingConfig
 
 
 def losses(predicted: Tensor, steering: Tensor, config: TrainingConfig) -> Tensor:
-    """The loss of each sample (n): the squared error, or Huber's."""
+    """Return the loss of each sample (n), given n predictions and labels: squared error, or Huber loss."""
     if config.loss == "huber":
         return functional.huber_loss(predicted, steering, reduction="none", delta=config.huber_delta)
     return functional.mse_loss(predicted, steering, reduction="none")
 
 
 def make_optimiser(parameters: Sequence[Tensor], config: TrainingConfig, device: torch.device) -> Optimizer:
-    """Adam, with L2 regularisation of all parameters."""
+    """Return Adam with L2 regularisation of all parameters; a fused implementation on CPUs and NVIDIA GPUs."""
     return torch.optim.Adam(
-        # Adam adds weight_decay * w to the gradient; that of l2 * sum of w**2 is 2 * l2 * w
+        # weight_decay * w is added to the gradient; the gradient of l2 * sum(w**2) is 2 * l2 * w
         parameters,
         lr=config.learning_rate,
         weight_decay=2 * config.l2,
@@ -31,13 +31,13 @@ def make_optimiser(parameters: Sequence[Tensor], config: TrainingConfig, device:
 
 
 def make_scheduler(optimiser: Optimizer, config: TrainingConfig, steps: int, done: int) -> LambdaLR:
-    """Sets the learning rate of each step: that of its epoch, but rising over the first steps of the training.
+    """Return a scheduler that sets the learning rate of each step: that of the epoch, times the linear warm-up.
 
     Args:
-        optimiser: whose learning rate is set.
-        config: schedule and warm-up.
-        steps: in an epoch.
-        done: steps of this training so far, when it is resumed.
+        optimiser: optimiser whose learning rate is set.
+        config: training options; the schedule and the warm-up are used.
+        steps: number of steps per epoch.
+        done: number of steps already done, if the training is resumed.
     """
 
     def factor(step: int) -> float:
@@ -49,10 +49,10 @@ def make_scheduler(optimiser: Optimizer, config: TrainingConfig, steps: int, don
 
 
 def learning_rate(config: TrainingConfig, epoch: int) -> float:
-    """The learning rate of an epoch (from 0), after the warm-up."""
+    """Return the learning rate of an epoch (from 0) after the warm-up."""
     return config.learning_rate * schedule(config, epoch)
 
 
 def schedule(config: TrainingConfig, epoch: int) -> float:
-    """The share (0..1) of the learning rate that an epoch (from 0) has."""
+    """Return the factor (0..1) of the initial learning rate for an epoch (from 0)."""
     return (1 + math.cos(math.pi * epoch / config.epochs)) / 2 if config.schedule == "cosine" else 1.0

@@ -1,4 +1,4 @@
-"""Pictures of a training: steering histograms, the samples, the errors, the predictions."""
+"""Figures about a training: steering histograms, sample images, learning curves and predictions."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
@@ -24,16 +24,16 @@ BINS = np.linspace(-1.25, 1.25, 101)
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG, whole or not at all."""
+    """Write a figure to a PNG file, atomically."""
     write_atomically(path, lambda file: figure.savefig(file, format="png", dpi=110))
 
 
 def steering_histogram(recorded: ArrayLike, before: ArrayLike, after: ArrayLike, weight: ArrayLike) -> Figure:
-    """What was recorded, and the training labels before and after balancing (all -1..1)."""
+    """Draw histograms of the recorded steering, and of the labels before and after balancing (with their weights)."""
     figure = Figure((11, 4), layout="constrained")
     left, right = figure.subplots(1, 2)
     left.hist(np.asarray(recorded), BINS, color="tab:grey")
-    left.set(title="recorded steering", xlabel="steering (right is positive)", ylabel="moments")
+    left.set(title="recorded steering", xlabel="steering (right is positive)", ylabel="time steps")
     right.hist(np.asarray(before), BINS, color="tab:grey", label="before balancing")
     weights = np.asarray(weight)
     right.hist(np.asarray(after), BINS, weights=weights, color="tab:blue", alpha=0.7, label="after balancing")
@@ -45,9 +45,10 @@ def steering_histogram(recorded: ArrayLike, before: ArrayLike, after: ArrayLike,
 def sample_sheet(
     moment: Mapping[Hashable, Any], samples: SampleConfig, augment: AugmentConfig, rows: tuple[int, int]
 ) -> Figure:
-    """The cameras of one moment and every augmentation of its centre picture, each with its label.
+    """Draw the camera images of a time step and all augmentations of its centre image, each with its label.
 
-    The line is the path that the label's steering drives; what the network does not see is dimmed.
+    A line shows the path that results from the label; rows outside `rows` (first, and one after the last), which the
+    network does not use, are dimmed. `moment` is a row of a driving log.
     """
     steering = float(moment["steering"])
     tiles = [
@@ -66,7 +67,7 @@ def sample_sheet(
 
 
 def _augmented(frame: Frame, steering: float, config: AugmentConfig) -> list[tuple[str, Frame, float]]:
-    """Every augmentation at the ends of its range (whether this training uses it or not)."""
+    """Return title, frame and label of each augmentation at the ends of its range, even if its probability is 0."""
     views = {
         name: view for augmentation in GEOMETRIC for name, view in augmentation.examples(View(steering), config).items()
     }
@@ -89,9 +90,9 @@ def _draw_tile(axis: Axes, title: str, frame: Frame, steering: float, rows: tupl
 
 
 def training_curves(history: Sequence[dict[str, float]], best_epoch: int, baseline: float) -> Figure:
-    """Errors over the epochs, with the epoch that was kept and the error of always answering the mean.
+    """Draw the mean squared errors by epoch, and the results of the driving checks if there are any.
 
-    Where the epochs were driven, too, how well they drove.
+    The epoch that was kept (from 1) and the error of always predicting the mean label are marked.
     """
     table = pd.DataFrame(history)
     driven = "cross_track_error" in table
@@ -99,7 +100,7 @@ def training_curves(history: Sequence[dict[str, float]], best_epoch: int, baseli
     axes = figure.subplots(1 + driven, squeeze=False)[:, 0]
     axes[0].plot(table["epoch"], table["training_mse"], "o-", label="training (augmented)")
     axes[0].plot(table["epoch"], table["validation_mse"], "o-", label="validation")
-    axes[0].axhline(baseline, color="grey", linestyle="--", label="validation, always the mean")
+    axes[0].axhline(baseline, color="grey", linestyle="--", label="validation, predicting the mean")
     axes[0].set(ylabel="mean squared error of the steering", yscale="log")
     if driven:
         axes[1].bar(table["epoch"], table["interventions"], color="tab:red", alpha=0.4, label="interventions")
@@ -116,14 +117,14 @@ def training_curves(history: Sequence[dict[str, float]], best_epoch: int, baseli
 
 
 def predictions(samples: pd.DataFrame, predicted: NDArray[np.float64]) -> Figure:
-    """Predicted against recorded steering over time, on the validation moments."""
+    """Draw predicted (n) and recorded steering of n validation samples over time; thin lines mark gaps."""
     figure = Figure((12, 4.5), layout="constrained")
     axis = figure.subplots()
     axis.plot(samples["recorded"].to_numpy(), color="tab:grey", linewidth=1, label="recorded")
     axis.plot(predicted, color="tab:blue", linewidth=1.2, label="predicted")
     for start in np.flatnonzero(np.diff(samples["moment"]) != 1):
         axis.axvline(start + 0.5, color="black", linewidth=0.4, alpha=0.5)
-    axis.set(xlabel="validation moments in order (thin line: time passes)", ylabel="steering", ylim=(-1.05, 1.05))
+    axis.set(xlabel="validation time steps in order (thin line: gap)", ylabel="steering", ylim=(-1.05, 1.05))
     axis.margins(x=0)
     axis.legend(loc="upper right")
     return figure

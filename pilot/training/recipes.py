@@ -1,4 +1,4 @@
-"""Trainings by name: the default, the built-in simulator's, and those of the students' reports."""
+"""Recipes: the default, one for the built-in simulator's recordings, and those of the students' reports."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from pilot.training.config import TrainingConfig
 
 NO_AUGMENTATION = AugmentConfig(flip=0, rotation=0, brightness=0, shadow=0, crop=0, viewpoint=0)
 
-# Report 000: side cameras, mirrored copies, six rotated copies of each, split by moments.
+# Report 000: side cameras, mirrored copies, six rotated copies of each image, split by single time steps.
 _ROTATIONS = SampleConfig(split="moments", flipped_copies=True, rotated_copies=6, rotation_range=45)
 _REPORT_000 = TrainingConfig(
     recipe="nvidia-rotations",
@@ -22,7 +22,7 @@ _REPORT_000 = TrainingConfig(
     samples=_ROTATIONS,
     augment=NO_AUGMENTATION,
 )
-# Report 002: the centre camera with mirrored copies, nine of ten zeros dropped, 2 % for validation.
+# Report 002: centre camera, mirrored copies, 9 of 10 time steps with zero steering dropped, 2 % for validation.
 _REPORT_002 = TrainingConfig(
     recipe="lenet-drop-zeros",
     network="lenet",
@@ -42,7 +42,7 @@ _REPORT_002 = TrainingConfig(
     ),
     augment=NO_AUGMENTATION,
 )
-# Report 004: geometric rule for the side cameras, spikes taken out, everything else at random.
+# Report 004: geometric rule for the side cameras, spikes reduced, random augmentation including height crop.
 _REPORT_004 = TrainingConfig(
     recipe="simplenet-spikes",
     network="simplenet",
@@ -66,9 +66,9 @@ _REPORT_RECIPES: dict[str, TrainingConfig] = {
         _REPORT_004, recipe="densenet-spikes", network="densenet", epochs=10, learning_rate=1e-3
     ),
 }
-# For the built-in simulator's demonstration. Side cameras and shifted views come back 10 m ahead, as its expert does;
-# no mirroring: the laps go both ways round, and keep to the right where there are two lanes. These labels are exact,
-# so that hardly any L2 is needed, and few epochs of large steps.
+# For the built-in simulator's demonstrations. The labels of side cameras and shifted viewpoints return to the path
+# within 10 m, like the expert. No mirroring, because the laps cover both directions and keep to the right lane on
+# two-lane roads. The labels are free of noise, so that little L2 and few epochs with a high learning rate suffice.
 _BUILT_IN = TrainingConfig(
     recipe="built-in",
     epochs=7,

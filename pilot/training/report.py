@@ -1,4 +1,4 @@
-"""The folder beside model.pt: history of the training, figures and pictures."""
+"""The folder next to model.pt: metrics of every epoch, and figures."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
@@ -20,17 +20,17 @@ from pilot.training.trainer import Training
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
-SMOOTHED_SECONDS = 0.5  # a driver's jerks on the keyboard are no model's fault
+SMOOTHED_SECONDS = 0.5  # averages out the jerky steering of keyboard driving, which no model should be blamed for
 
 
 @dataclass(frozen=True)
 class ValidationResult:
-    """How a network agrees with the driver on the validation moments.
+    """Predictions and metrics of a network on the validation set.
 
     Attributes:
-        predicted: its steering, one a moment (-1..1).
-        recorded: compared with the steering as it was recorded.
-        smoothed: compared with the steering averaged over half a second.
+        predicted: n, predicted steering of the validation samples (not clipped to -1..1).
+        recorded: metrics against the steering as recorded.
+        smoothed: metrics against the recorded steering averaged over `SMOOTHED_SECONDS`.
     """
 
     predicted: NDArray[np.float64]
@@ -39,18 +39,19 @@ class ValidationResult:
 
 
 class History:
-    """Writes each epoch's figures to history.csv, and to TensorBoard if asked.
-
-    Raises:
-        ValueError: TensorBoard is asked for and not installed.
-    """
+    """Writes the metrics of each epoch to history.csv, and optionally to TensorBoard."""
 
     def __init__(self, folder: Path, *, tensorboard: bool) -> None:
+        """Create a history in `folder`.
+
+        Raises:
+            ValueError: the package tensorboard is needed and not installed.
+        """
         self.folder = folder
         self.events: SummaryWriter | None = _event_writer(folder) if tensorboard else None
 
     def write(self, history: list[dict[str, float]]) -> None:
-        """Write the history so far."""
+        """Write the metrics of all epochs so far to history.csv, and those of the last one to TensorBoard."""
         text = pd.DataFrame(history).to_csv(index=False)
         write_atomically(self.folder / "history.csv", lambda file: file.write(text.encode()))
         if self.events:
@@ -61,14 +62,14 @@ class History:
 
 def _event_writer(folder: Path) -> "SummaryWriter":
     try:
-        from torch.utils.tensorboard import SummaryWriter  # noqa: PLC0415 - seldom wanted, and an optional package
+        from torch.utils.tensorboard import SummaryWriter  # noqa: PLC0415 - an optional package
     except ImportError as error:
         raise ValueError("--tensorboard needs the package tensorboard: pip install tensorboard") from error
     return SummaryWriter(str(folder))
 
 
 def validate_model(training: Training) -> ValidationResult:
-    """Drive the validation moments with the network as it is; all processes take part."""
+    """Compute predictions and metrics of the current network on the validation set; called by all processes."""
     validation = training.validation
     predicted = training.predict(validation)
     smooth = smooth_steering(validation.assign(steering=validation["recorded"]), SMOOTHED_SECONDS)
@@ -80,19 +81,19 @@ def validate_model(training: Training) -> ValidationResult:
 
 
 def draw_samples(log: DrivingLog, training: Training) -> None:
-    """Draw what is known before the first epoch: histograms and the sheet of samples."""
+    """Draw the steering histograms and the sheet of sample images into the folder of the metrics."""
     config = training.config
     before = _unbalanced(log, config)["steering"]
     after, weight = training.training["steering"], training.training["weight"]
     histogram = plots.steering_histogram(log.rows["steering"], before, after, weight)
     plots.save(histogram, config.report / "steering_histogram.png")
-    moment = _telling_moment(log.rows)
+    moment = _example_row(log.rows)
     sheet = plots.sample_sheet(moment, config.samples, config.augment, training.network.rows)
     plots.save(sheet, config.report / "samples.png")
 
 
 def draw_results(training: Training, result: ValidationResult) -> None:
-    """Draw how the training went and what the best epoch predicts."""
+    """Draw the learning curves and the predictions of the epoch that was kept."""
     best, baseline = training.chosen["epoch"], result.recorded.baseline_mse
     folder = training.config.report
     plots.save(plots.training_curves(training.history, best, baseline), folder / "training_curves.png")
@@ -104,8 +105,8 @@ def _unbalanced(log: DrivingLog, config: TrainingConfig) -> pd.DataFrame:
     return training
 
 
-def _telling_moment(rows: pd.DataFrame) -> dict[Hashable, Any]:
-    """A moment with all cameras in a gentle bend, where a label can be judged by eye."""
+def _example_row(rows: pd.DataFrame) -> dict[Hashable, Any]:
+    """Return a row in a gentle curve (steering near 0.1), if possible with all cameras, to check labels by eye."""
     complete = rows[(rows["left"] != "") & (rows["right"] != "")]
     chosen = complete if len(complete) else rows
     return chosen.loc[[(chosen["steering"].abs() - 0.1).abs().idxmin()]].to_dict("records")[0]

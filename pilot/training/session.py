@@ -1,4 +1,4 @@
-"""A training from reading to reporting: recordings → model.pt and the pictures beside it."""
+"""A complete training, from recordings to model.pt, metrics and figures."""
 
 import os
 from collections.abc import Callable, Iterable
@@ -8,7 +8,6 @@ from typing import Any
 import pandas as pd
 from tqdm import tqdm
 
-from pilot import process_settings
 from pilot.data.augment import rows_needed
 from pilot.data.batches import Batch
 from pilot.data.driving_log import DrivingLog, read_driving_logs
@@ -34,28 +33,35 @@ STATE = "state.pt"
 LOWEST_ERROR = "lowest_error.pt"
 
 
-def train(config: TrainingConfig, processes: Processes) -> None:
-    """Read, train, report.
+def train(config: TrainingConfig, processes: Processes, set_up: Callable[[int], None]) -> None:
+    """Read the recordings, train, and write the model, the metrics and the figures.
+
+    Args:
+        config: training options.
+        processes: processes that train together; each of them calls this function.
+        set_up: called with the number of threads for the main thread's operations, as soon as it is known.
 
     Raises:
-        NoUsableData: there is nothing to train on.
-        KeyboardInterrupt: on Ctrl-C, after saying how to go on.
+        NoUsableData: the recordings contain no usable rows.
+        UnusableModel: the model to start from, or the state to resume, cannot be used.
+        ValueError: an option does not fit the recordings, the device is not available, or the training diverged.
+        KeyboardInterrupt: on Ctrl-C, after a message about how to resume.
     """
     say: Callable[[str], None] = print if processes.is_main else lambda _: None
     cache = make_cache(config)
     log = read_in_turn(config, cache, processes)
     say(log.table())
     if cache.error:
-        say(f"decoded pictures cannot be kept ({cache.error}): each is decoded anew in every epoch")
+        say(f"decoded images cannot be cached ({cache.error}): each is decoded again in every epoch")
     samples, validation = make_samples(log.rows, config.samples, config.seed)
-    # one process drives for all
+    # only the main process drives; its result is shared
     driving_check = make_driving_check(config, log, validation) if processes.is_main else None
     training = Training(config, samples, validation, processes=processes, driving_check=driving_check, cache=cache)
     say(
-        f"{len(training.training)} pictures to train on, {len(training.validation)} moments to validate with; "
+        f"{len(training.training)} training samples, {len(training.validation)} validation samples; "
         f"network {config.network} on {training.device.type}"
     )
-    process_settings.for_training(training.cores.threads_each)
+    set_up(training.cores.threads_each)
     _prepare_state(config, training)
     history = History(config.report, tensorboard=config.tensorboard and processes.is_main)
 
@@ -63,13 +69,13 @@ def train(config: TrainingConfig, processes: Processes) -> None:
         say(epoch_line(figures, config.epochs))
         if processes.is_main:
             history.write(training.history)
-        if processes.is_main and training.epoch == 1:  # not before: the first step need not wait for pictures
+        if processes.is_main and training.epoch == 1:  # not earlier, so that the first step does not wait
             draw_samples(log, training)
 
     try:
         training.run(on_epoch, training_bar(hidden=not processes.is_main), config.report / STATE)
     except KeyboardInterrupt:
-        say(f"\nStopped in epoch {training.epoch + 1}. To go on: python model.py --resume --out {config.out}")
+        say(f"\nStopped in epoch {training.epoch + 1}. To resume: python model.py --resume --out {config.out}")
         raise
     if config.select != "error":
         keep(config.report / LOWEST_ERROR, training.best, log, training)
@@ -80,14 +86,14 @@ def train(config: TrainingConfig, processes: Processes) -> None:
 
 
 def make_cache(config: TrainingConfig) -> FrameCache:
-    """The cache of the frames' rows that this training looks at."""
+    """Return a cache of the frame rows that this training needs."""
     turned = config.samples.rotation_range if config.samples.rotated_copies else 0.0
     rows = rows_needed(network_class(config.network).rows, config.augment, turned)
     return FrameCache(rows, limit=int(config.cache_gb * 1e9))
 
 
 def read_in_turn(config: TrainingConfig, cache: FrameCache, processes: Processes) -> DrivingLog:
-    """Read the recordings: first the process that leads, then the others, who find all pictures decoded."""
+    """Read the recordings, first in the main process; the other processes then find all images in the cache."""
     if not processes.is_main:
         processes.barrier()
     log = read_driving_logs(config.folders, terminal_bar if processes.is_main else no_bar, cache)
@@ -97,14 +103,16 @@ def read_in_turn(config: TrainingConfig, cache: FrameCache, processes: Processes
 
 
 def make_driving_check(config: TrainingConfig, log: DrivingLog, validation: pd.DataFrame) -> DrivingCheck | None:
-    """What --select asks for.
+    """Return the driving check that `config.select` requires; None: none.
+
+    A replay shows the rows of `log` that are in the table of validation samples.
 
     Raises:
-        UnusableRecording: the validation moments cannot be replayed.
+        UnusableRecording: the validation blocks cannot be replayed.
     """
     if config.select == "error":
         return None
-    # a training without it need not wait for the simulator to be imported
+    # imported here, because the simulator takes time to import and is seldom needed
     from pilot.evaluation.selection import driving_check, replay_check  # noqa: PLC0415
 
     if config.select == "driving":
@@ -113,7 +121,7 @@ def make_driving_check(config: TrainingConfig, log: DrivingLog, validation: pd.D
 
 
 def _prepare_state(config: TrainingConfig, training: Training) -> None:
-    """Restore the state to resume, or put an unfinished one of another training aside."""
+    """Restore the state to resume; otherwise rename the state of an earlier unfinished training, if there is one."""
     state = config.report / STATE
     if config.resume:
         training.restore(load_values(state, "start anew without --resume"))
@@ -122,7 +130,10 @@ def _prepare_state(config: TrainingConfig, training: Training) -> None:
 
 
 def keep(path: Path, best: dict[str, Any], log: DrivingLog, training: Training) -> ValidationResult:
-    """Write the network of one of the best epochs with what is known about it; all processes take part."""
+    """Load the weights of one of the best epochs, validate them and write a model file; called by all processes.
+
+    `best` is `training.best` or `training.best_driving`.
+    """
     network = training.load_weights_of(best)
     result = validate_model(training)
     data = {
@@ -141,21 +152,21 @@ def keep(path: Path, best: dict[str, Any], log: DrivingLog, training: Training) 
 
 
 def finish(config: TrainingConfig, training: Training, result: ValidationResult) -> None:
-    """Draw the pictures; say what was kept, where, and how good it is."""
+    """Draw the figures, and print which epoch was kept, its metrics and the paths of the files."""
     draw_results(training, result)
     if training.loader.unreadable:
-        print(f"{len(training.loader.unreadable)} pictures became unreadable during the training and were left out")
+        print(f"{len(training.loader.unreadable)} images became unreadable during the training and were left out")
     print(
         f"\n{verdict(training)} "
-        "Against the driver's steering, on moments not trained on:\n"
+        "Compared with the driver's steering on the validation set:\n"
         f"  as recorded:           {result.recorded}\n"
         f"  averaged over {SMOOTHED_SECONDS} s:   {result.smoothed}\n"
-        f"model: {config.out}    history and pictures: {config.report}{os.sep}"
+        f"model: {config.out}    metrics and figures: {config.report}{os.sep}"
     )
 
 
 def verdict(training: Training) -> str:
-    """Which epoch was kept, and why."""
+    """Return a sentence about which epoch was kept, and why."""
     kept, lowest = training.chosen["epoch"], training.best["epoch"]
     if training.config.select == "error":
         return f"epoch {kept} of {training.epoch} was the best."
@@ -167,7 +178,7 @@ def verdict(training: Training) -> str:
 
 
 def epoch_line(figures: dict[str, float], epochs: int) -> str:
-    """One line about an epoch."""
+    """Return one line with the metrics of an epoch, an entry of `Training.history`."""
     drive = ""
     if "interventions" in figures:
         drive = f"{figures['interventions']:.0f} interventions, {figures['cross_track_error']:.2f} m, "
@@ -179,7 +190,7 @@ def epoch_line(figures: dict[str, float], epochs: int) -> str:
 
 
 def training_bar(*, hidden: bool) -> ProgressBar[Batch]:
-    """A bar over the batches of an epoch that shows images/s."""
+    """Return a progress bar over the batches of an epoch, in images/s."""
 
     def wrap(batches: Iterable[Batch], images: int, title: str) -> Iterable[Batch]:
         with tqdm(total=images, desc=title, unit=" images", leave=False, disable=hidden) as bar:

@@ -1,8 +1,4 @@
-"""Train a network on samples: epochs with early stopping, interruptible and resumable.
-
-A `Training` holds all that changes while it runs; `state()` is written to disk regularly, and a
-training that goes on from there ends with exactly the weights of one that was never interrupted.
-"""
+"""Training with early stopping. A resumed training ends with exactly the weights of an uninterrupted one."""
 
 import contextlib
 import copy
@@ -39,18 +35,18 @@ from pilot.training.distributed import Processes
 from pilot.training.metrics import Agreement, agreement
 from pilot.training.optimisation import learning_rate, losses, make_optimiser, make_scheduler
 
-SAVE_SECONDS = 120  # a power cut costs at most this much work
+SAVE_SECONDS = 120  # between saved states; at most this much work is lost in a power failure
 
 
 class Training:
-    """One training: network, optimiser, position, best epoch and history.
+    """A training: network, optimiser, progress, best epochs and metrics.
 
     Attributes:
         network: the network being trained.
-        epoch, step: how many epochs, and batches of the running one, are done.
-        history: one dictionary an epoch: errors, learning rate, images/s.
-        best: the lowest validation error so far with its epoch and weights.
-        best_driving: the same of the best drive so far, if there is a driving check.
+        epoch, step: numbers of completed epochs, and of completed steps of the current epoch.
+        history: metrics of each epoch: errors, learning rate, images/s and, if it drives, results of the driving check.
+        best: lowest validation error so far, with its epoch (from 1) and weights.
+        best_driving: the same for the best result of the driving check: (interventions, cross-track error in metres).
     """
 
     def __init__(
@@ -63,14 +59,18 @@ class Training:
         driving_check: DrivingCheck | None = None,
         cache: FrameCache | None = None,
     ) -> None:
-        """Set up the network of `config` for these samples.
+        """Create a training of the network of `config`.
 
         Args:
-            config: all options.
-            training, validation: samples.
-            processes: that train together.
-            driving_check: judges each epoch, where `config.select` asks for it; of the process that leads.
-            cache: reads the frames.
+            config: training options.
+            training, validation: tables of samples.
+            processes: processes that train together; None: this one only.
+            driving_check: evaluates each epoch by driving; needed in the main process if `config.select` is not error.
+            cache: cache that reads the frames; None: images are decoded at every read.
+
+        Raises:
+            UnusableModel: the model to start from is missing, damaged, or has another network.
+            ValueError: the device is not available.
         """
         self.config, self.driving_check = config, driving_check
         self.processes = processes or Processes()
@@ -94,20 +94,19 @@ class Training:
         self.best_driving: dict[str, Any] = {"error": (math.inf, math.inf), "epoch": 0, "weights": {}}
         self._saved = time.monotonic()
 
-    # Running
-
     def run(
         self, on_epoch: Callable[[dict[str, float]], None], progress: ProgressBar[Batch], state_file: Path | None = None
     ) -> None:
         """Train until early stopping or the last epoch.
 
         Args:
-            on_epoch: called with each epoch's figures.
-            progress: wraps the batches of an epoch (called with them, the number of pictures and a title).
-            state_file: where to keep what `restore` needs; also written on Ctrl-C.
+            on_epoch: called after each epoch with its metrics, an entry of `history`.
+            progress: progress bar over the batches of an epoch, in samples.
+            state_file: file to which the state is saved regularly and on Ctrl-C; None: not saved.
 
         Raises:
-            KeyboardInterrupt: on Ctrl-C, after the running step.
+            ValueError: the training has diverged, or the network's output has become constant.
+            KeyboardInterrupt: on Ctrl-C, after the current step.
         """
         with catch_interrupt() as interrupt:
             while not self.finished:
@@ -117,7 +116,7 @@ class Training:
 
     @property
     def finished(self) -> bool:
-        """Whether early stopping or the number of epochs ends the training."""
+        """Whether the training has ended by early stopping or by the maximum number of epochs."""
         return self.epoch >= self.config.epochs or self.epoch - self.best["epoch"] >= self.config.patience
 
     def _batches(self, progress: ProgressBar[Batch]) -> Iterable[Batch]:
@@ -137,11 +136,7 @@ class Training:
         self._end_epoch(images / (time.perf_counter() - began))
 
     def steps(self, batches: Iterable[Batch]) -> Iterator[int]:
-        """Train on batches, each of which is read when the cores have done their part of the one before.
-
-        Yields:
-            the number of samples, over all processes, after each step.
-        """
+        """Train on batches, and yield the number of samples of each step; idle threads already load the next batch."""
         source = iter(batches)
         read = self._read(next(source, None))
         while read:
@@ -155,7 +150,7 @@ class Training:
         return (batch.size, self.cores.start(lambda micro_batch: micro_batch(), batch.micro_batches)) if batch else None
 
     def _step(self, micro_batches: Sequence[tuple[Sequence[Tensor], Tensor]]) -> None:
-        """Adam's step by the sum of the parts' gradients; the mean loss is that over the batch of all processes."""
+        """Apply an optimisation step by the gradients summed over all micro-batches and processes."""
         for parameter, *gradients in zip(self.parameters, *(gradients for gradients, _ in micro_batches), strict=True):
             parameter.grad = functools.reduce(Tensor.add_, gradients)
         self.processes.sum_gradients(self.parameters)
@@ -165,7 +160,7 @@ class Training:
         self.step += 1
 
     def gradients(self, reading: Future[MicroBatch], size: int) -> tuple[Sequence[Tensor], Tensor]:
-        """What a part adds to the gradients of the mean loss of `size` samples; its sum of squared errors."""
+        """Return a micro-batch's gradients of the mean loss over `size` samples, and its sum of squared errors."""
         micro_batch = reading.result()
         if not len(micro_batch.index):
             return [torch.zeros_like(parameter) for parameter in self.parameters], torch.zeros((), device=self.device)
@@ -177,7 +172,7 @@ class Training:
 
     @contextlib.contextmanager
     def _repeatable_draws(self) -> Iterator[None]:
-        """Have dropout draw by seed, epoch, step and process alone, so that a resumed training draws the same."""
+        """Seed dropout by seed, epoch, step and rank only, so that a resumed training draws the same numbers."""
         if not self.draws_at_random:
             yield
             return
@@ -187,7 +182,6 @@ class Training:
             yield
 
     def _frames(self, micro_batch: MicroBatch) -> Tensor:
-        """The frames of a part on the device, augmented."""
         frames = micro_batch.frames.to(self.device, non_blocking=True)
         return augment(frames, micro_batch.draws.to(self.device), self.network.rows) if micro_batch.draws else frames
 
@@ -209,52 +203,50 @@ class Training:
         self.epoch, self.step = self.epoch + 1, 0
         self.error_sum.zero_()
         if validation.mse < self.best["error"] - self.config.min_delta:
-            self.best = self._kept(validation.mse)
+            self.best = self._snapshot(validation.mse)
         if self.config.select != "error":
             self._check_driving()
 
     def _check_driving(self) -> None:
         drove = torch.zeros(2, dtype=torch.float64)  # on the CPU: Apple's GPUs have no float64
-        if self.driving_check:  # one process drives for all
+        if self.driving_check:  # in the main process only
             drove += torch.tensor(self.driving_check(self.steer), dtype=torch.float64)
         interventions, cross_track_error = self.processes.sum(drove).tolist()
         self.history[-1] |= {"interventions": interventions, "cross_track_error": cross_track_error}
         if (interventions, cross_track_error) < self.best_driving["error"]:
-            self.best_driving = self._kept((interventions, cross_track_error))
+            self.best_driving = self._snapshot((interventions, cross_track_error))
 
-    def _kept(self, error: float | tuple[float, float]) -> dict[str, Any]:
+    def _snapshot(self, error: float | tuple[float, float]) -> dict[str, Any]:
         return {"error": error, "epoch": self.epoch, "weights": copy.deepcopy(self.network.state_dict())}
 
     def steer(self, frame: Frame) -> float:
-        """What the network, as it is now, steers (-1..1) for a 160x320x3 uint8 RGB frame."""
+        """Return the steering (-1..1) of the current network for a frame (160x320x3, uint8 RGB)."""
         self.network.eval()
         with torch.inference_mode():
             return float(self.network(torch.from_numpy(frame)[None].to(self.device)).clamp(-1, 1))
 
-    # Validation
-
     def validate(self) -> Agreement:
-        """Compare the network, as it is now, with the driver on the validation samples.
+        """Compute the metrics of the current network on the validation samples; called by all processes.
 
         Raises:
-            ValueError: the training has diverged, or the network has died.
+            ValueError: the training has diverged, or the network's output has become constant.
         """
         predicted = self.predict(self.validation)
         if not np.isfinite(predicted).all():
             raise ValueError(
-                f"the training diverged in epoch {self.epoch + 1}: its steering is no number any more. "
+                f"the training diverged in epoch {self.epoch + 1}: its steering is not finite. "
                 f"Try a smaller --learning-rate than {self.config.learning_rate:g}"
             )
         if len(predicted) > 1 and np.ptp(predicted) == 0:
             raise ValueError(
-                f"the network died in epoch {self.epoch + 1}: it steers the same for every picture, and "
-                "would for ever. Try another --seed, a longer --warm-up, or a smaller --learning-rate "
+                f"the network collapsed in epoch {self.epoch + 1}: it predicts the same steering for every image. "
+                "Try another --seed, a longer --warm-up, or a smaller --learning-rate "
                 f"than {self.config.learning_rate:g}"
             )
         return agreement(predicted, self.validation["recorded"], self.training_mean)
 
     def predict(self, samples: pd.DataFrame) -> NDArray[np.float64]:
-        """Steering (n) for samples, never augmented; 0 where a picture has become unreadable."""
+        """Return the steering (n) for samples, not augmented; 0 for unreadable images. Called by all processes."""
         predicted = torch.zeros(len(samples), dtype=torch.float64)
         self.network.eval()
 
@@ -265,27 +257,24 @@ class Training:
                     predicted[loaded.index] = self.network(self._frames(loaded)).cpu().double()
 
         for batch in self._loader(samples, augment=False).epoch(0):
-            for done in self.cores.start(
-                predict, batch.micro_batches
-            ):  # batch by batch: what is read ahead stays bounded
+            # batch by batch, to limit the number of loaded frames
+            for done in self.cores.start(predict, batch.micro_batches):
                 done.result()
         return np.asarray(self.processes.sum(predicted).numpy())
 
     @property
     def chosen(self) -> dict[str, Any]:
-        """The epoch that is to be kept: that which drives best, or the lowest error's."""
+        """The best epoch by the criterion `config.select`: `best` or `best_driving`."""
         return self.best if self.config.select == "error" else self.best_driving
 
     def load_weights_of(self, best: dict[str, Any]) -> SteeringNetwork:
-        """The network as it was in one of the best epochs, in evaluation mode."""
+        """Load the weights of `best` or `best_driving`, if any, and return the network in evaluation mode."""
         if best["weights"]:
             self.network.load_state_dict(best["weights"])
         return self.network.eval()
 
-    # State
-
     def state(self) -> dict[str, Any]:
-        """All that is needed to go on later, as tensors and plain values."""
+        """Return the state that `restore` needs, as tensors and plain values."""
         return {
             "config": to_jsonable(self.config),
             "fingerprint": fingerprint(self.training),
@@ -300,13 +289,15 @@ class Training:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from what `state` returned.
+        """Restore a state returned by `state`.
 
         Raises:
-            UnusableModel: the state is of a training on other data.
+            UnusableModel: the state belongs to a training on other samples.
         """
         if state["fingerprint"] != fingerprint(self.training):
-            raise UnusableModel("the recordings have changed since this training began: train anew, without --resume")
+            raise UnusableModel(
+                "the recordings have changed since this training began: start a new one, without --resume"
+            )
         self.network.load_state_dict(state["weights"])
         self.optimiser.load_state_dict(state["optimiser"])
         self.epoch, self.step = state["epoch"], state["step"]
@@ -340,10 +331,10 @@ class Training:
 
 
 def first_network(config: TrainingConfig) -> SteeringNetwork:
-    """The network that a training begins with.
+    """Return the network with random weights, or that of the model to start from.
 
     Raises:
-        UnusableModel: the model to start from is missing, damaged, or of another network.
+        UnusableModel: the model to start from is missing, damaged, or has another network.
     """
     if config.start is None:
         return build_network(config.network, config.seed)
@@ -354,7 +345,7 @@ def first_network(config: TrainingConfig) -> SteeringNetwork:
 
 
 def fingerprint(samples: pd.DataFrame) -> str:
-    """A short text that changes with the samples: their pictures' names and labels."""
+    """Return a digest of the samples: file names of the images, labels and fixed augmentations."""
     names = samples["image"].str.replace(r".*[/\\]", "", regex=True)
     labels = samples[["steering", "rotation", "flip"]].astype(float)
     return hashlib.sha256(labels.to_numpy().tobytes() + "".join(names).encode()).hexdigest()[:16]

@@ -140,7 +140,7 @@ def make_clip(
     )
     first = next(pictures, None)
     if first is None:
-        raise NoFramesError(f"{folder}: none of its {len(frames)} pictures can be read; record the drive anew")
+        raise NoFramesError(f"{folder}: none of its {len(frames)} images can be read; record the drive again")
     with move_when_done(target) as temporary, av.open(str(temporary), "w", format="mp4") as container:
         _encode(container, rate, first, pictures)
     result.seconds = result.frames / rate

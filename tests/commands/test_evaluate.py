@@ -157,15 +157,15 @@ def test_it_ends_with_all_its_processes(ended_by: signal.Signals) -> None:
         (["expert", "--speed", "60"], "--speed 60: must lie in 0..30"),
         (["expert", "--speed", "0"], "--speed 0: must be at least 1 mph"),
         (["expert", "--latency-ms", "30"], "--latency-ms 30: must be a multiple of 20"),
-        (["expert", "--lost-frames", "1"], "--lost-frames 1: must lie in 0..1"),
+        (["expert", "--lost-frames", "1"], "--lost-frames 1: must be at least 0 and less than 1"),
         (["expert", "--jobs", "0"], "--jobs 0: must be at least 1"),
         (["expert", "--seeds", "-1"], "--seeds -1: must not be negative"),
         (["model.pt", "--socket", "--latency-ms", "80"], "--socket: --latency-ms and --lost-frames"),
         (["expert", "--socket"], "the expert knows the road of the built-in simulator: not with --socket"),
         (["expert", "--recordings", "laps"], "the expert knows the road of the built-in simulator"),
         (["model.pt", "--recordings", "laps", "--last-part", "0"], "--last-part 0: must be greater than 0"),
-        (["expert", "expert"], "a model or a recording is named twice"),
-        ([], "which model?"),
+        (["expert", "expert"], "a model or a recording is given twice"),
+        ([], "no model given"),
     ],
 )
 def test_errors_in_one_sentence(arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -183,7 +183,7 @@ def test_what_cannot_be_replayed_is_refused(capsys: pytest.CaptureFixture[str]) 
     assert "empty" in capsys.readouterr().err
     record("mountain", DemonstrationConfig(laps=0.01, rate=10), Path("short"))
     assert evaluate_command.main(["model.pt", "--recordings", "short", "--jobs", "1"]) == 1
-    assert "no drive of five seconds" in capsys.readouterr().err
+    assert "no segment of at least 5 s" in capsys.readouterr().err
 
 
 def test_the_report_of_before_stays_when_it_goes_wrong() -> None:

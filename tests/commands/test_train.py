@@ -137,8 +137,10 @@ def test_without_a_recording_where_one_should_be_it_says_what_to_do(tmp_path: Pa
     [
         (["--recipe", "resnet"], "there are default, built-in, nvidia-rotations"),
         (["--epochs", "0"], "--epochs 0: must be greater than 0"),
+        (["--augment.crop-top", "0.4", "0.6", "--augment.crop-bottom", "0.4", "0.5"], "must leave a part of the frame"),
+        (["--augment.shadow-range", "0.7", "0.2"], "--augment.shadow-range 0.7 0.2: must not be negative, the smaller"),
         (["--augment.flip", "2"], "--augment.flip 2.0: must lie in 0..1"),
-        (["--samples.validation-share", "1"], "--samples.validation-share 1.0: must lie between 0 and 1"),
+        (["--samples.validation-share", "1"], "--samples.validation-share 1.0: must be greater than 0 and less than 1"),
         (["--network", "resnet"], "--network resnet: there are densenet, lenet, lenet5, nvidia"),
         (["--nonsense"], "nonsense"),
         (["--device", "cuda:7"], "--device cuda:7: not on this machine"),
@@ -169,5 +171,5 @@ def test_the_reports_recipes_run(recording: Recording, train: Callable[..., str]
 
 def test_help_explains_every_option() -> None:
     output = run(Path.cwd(), "--help")
-    for words in ("Adam's learning rate", "side cameras", "--augment.shadow", "cosine"):
+    for words in ("learning rate of Adam", "side cameras", "--augment.shadow", "cosine"):
         assert words in output

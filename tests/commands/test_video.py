@@ -94,7 +94,7 @@ def test_a_recording_of_the_simulator_makes_a_clip_too(run: Path) -> None:
     [
         (lambda run: None, ["nowhere"], "nowhere: no such folder"),
         (lambda run: shutil.rmtree(run) or run.mkdir(), ["run1"], "no frames"),
-        (lambda run: [path.write_bytes(b"") for path in run.glob("*.jpg")], ["run1"], "none of its 30 pictures"),
+        (lambda run: [path.write_bytes(b"") for path in run.glob("*.jpg")], ["run1"], "none of its 30 images"),
         (lambda run: None, ["run1", "--fps", "0"], "--fps 0: must lie between"),
     ],
 )

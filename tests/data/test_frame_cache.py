@@ -86,6 +86,15 @@ def test_the_longest_unused_recording_makes_room(tmp_path: Path, monkeypatch: py
     assert sorted(paths) == second
 
 
+def test_what_can_never_fit_takes_nothing_away(tmp_path: Path) -> None:
+    small, large = write_pictures(tmp_path / "a", 1), write_pictures(tmp_path / "b", 9)
+    folder = tmp_path / "cache"
+    checked(FrameCache(ROWS, limit=4 * FRAME, folder=folder), small)
+    before = list(folder.iterdir())
+    checked(FrameCache(ROWS, limit=4 * FRAME, folder=folder), large)
+    assert list(folder.iterdir()) == before != []
+
+
 def test_what_does_not_fit_is_decoded_each_time(pictures: list[str], tmp_path: Path) -> None:
     cache = checked(FrameCache(ROWS, limit=2 * FRAME, folder=tmp_path / "cache"), pictures)
     assert list((tmp_path / "cache").iterdir()) == []

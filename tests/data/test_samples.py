@@ -68,6 +68,12 @@ def test_a_single_recording_cannot_be_split_by_recordings() -> None:
         samples_of(drive(), split="recordings")
 
 
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.5, 0.7, 0.9])
+def test_validation_has_the_share_that_was_asked_for(share: float) -> None:
+    _, validation = samples_of(drive(3000), validation_share=share)
+    assert len(validation) / 3000 == pytest.approx(share, abs=0.07)
+
+
 def test_only_the_first_part_of_each_recording_is_learned_from() -> None:
     rows = pd.concat([drive(300), drive(200, recording=1)], ignore_index=True)
     training, validation = samples_of(rows, first_part=0.8)

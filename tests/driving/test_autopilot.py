@@ -47,7 +47,7 @@ def test_a_driver_that_fails_leaves_the_last_command(caplog: pytest.LogCaptureFi
     fails = True
     with caplog.at_level(logging.ERROR, "pilot"):
         assert pilot.answer(GOOD).message == good.message
-    assert "the driver failed" in caplog.text
+    assert "the model failed" in caplog.text
 
 
 def test_without_a_last_command_the_safe_one_is_straight_on() -> None:
@@ -88,7 +88,7 @@ def test_each_kind_of_warning_is_said_once_a_second(caplog: pytest.LogCaptureFix
     with caplog.at_level(logging.WARNING, "pilot"):
         for _ in range(10):
             pilot.answer({})
-        pilot.warnings.say("another kind", "x")
+        pilot.warnings.warn("another kind", "x")
         clock.now += 2
         pilot.answer({})
     assert len(caplog.records) == 3

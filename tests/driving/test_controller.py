@@ -53,11 +53,11 @@ def test_slows_down_with_the_steering_where_asked() -> None:
         SpeedController(ControllerConfig(speed=30)),
         SpeedController(ControllerConfig(speed=30, slow_in_curves=0.6)),
     )
-    assert plain.wanted_speed(1.0) == 30
-    assert careful.wanted_speed(0.0) == 30
-    assert careful.wanted_speed(-0.5) == pytest.approx(21)
-    assert careful.wanted_speed(1.0) == pytest.approx(12)
-    assert SpeedController(ControllerConfig(speed=30, slow_in_curves=1)).wanted_speed(1.0) == 5
+    assert plain.target_speed(1.0) == 30
+    assert careful.target_speed(0.0) == 30
+    assert careful.target_speed(-0.5) == pytest.approx(21)
+    assert careful.target_speed(1.0) == pytest.approx(12)
+    assert SpeedController(ControllerConfig(speed=30, slow_in_curves=1)).target_speed(1.0) == 5
 
 
 def test_smoothing_follows_with_its_time_constant() -> None:

@@ -150,7 +150,7 @@ def test_unknown_events_get_the_last_command_and_a_warning(server: Server) -> No
         good = steers(client, telemetry(IMAGE))
         client.event("fly", {"height": 3})
         assert client.answer() == good
-    server.wait_for("not understood", 5)
+    server.wait_for("unknown packet", 5)
 
 
 def test_a_silent_connection_is_revived(server: Server) -> None:

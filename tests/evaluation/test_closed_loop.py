@@ -136,7 +136,7 @@ def test_a_driver_that_fails_ends_the_evaluation(winding: Track) -> None:
     def fail(_frame: object) -> float:
         raise ZeroDivisionError
 
-    with pytest.raises(RuntimeError, match="the driver failed"):
+    with pytest.raises(RuntimeError, match="the model failed"):
         drive(winding, lambda _: fail)
 
 

@@ -109,7 +109,7 @@ def test_a_recording_that_cannot_be_replayed_says_why(rows: pd.DataFrame, messag
 
 
 def test_a_recording_of_short_drives_only_is_refused() -> None:
-    with pytest.raises(UnusableRecording, match="five seconds"):
+    with pytest.raises(UnusableRecording, match="no segment of at least 5 s"):
         prepare(log(20))
 
 
@@ -238,7 +238,7 @@ def by_path(recorded: Recorded) -> Replayable:
 
 def test_what_was_good_enough_for_the_driver_is_for_the_model(recorded: Recorded) -> None:
     [segment] = recorded.replayable.segments
-    lowest, highest = segment.allowed(0.2)  # he himself strays by more
+    lowest, highest = segment.allowed_errors(0.2)  # he himself strays by more
     assert segment.driver.max() > 0.3
     assert (segment.driver < highest).all()
     assert (segment.driver > lowest).all()
@@ -251,7 +251,7 @@ def test_what_was_good_enough_for_the_driver_is_for_the_model(recorded: Recorded
 
 def test_who_drives_beside_the_road_has_failed_however_wide_the_limit(recorded: Recorded) -> None:
     [segment] = recorded.replayable.segments
-    lowest, highest = segment.allowed(10.0)
+    lowest, highest = segment.allowed_errors(10.0)
     edges = segment.half_widths - HALF_TRACK
     np.testing.assert_allclose(highest, np.maximum(edges - segment.lane, segment.driver + DRIVER_MARGIN))
     np.testing.assert_allclose(lowest, -np.maximum(edges + segment.lane, DRIVER_MARGIN - segment.driver))

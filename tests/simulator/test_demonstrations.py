@@ -110,7 +110,7 @@ def test_the_command_records_and_says_what_to_do_next(tmp_path: Path) -> None:
     ]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
-    assert re.search(r"\d+ moments in laps. To learn from them: python model.py --data laps", done.stdout)
+    assert re.search(r"\d+ rows in laps. To learn from them: python model.py --data laps", done.stdout)
     assert (tmp_path / "laps" / LOG_NAME).exists()
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pilot.simulator.catalogue import load_course, track_names
-from pilot.simulator.track import STEP, TIGHTEST, Track, closed_road, separation
+from pilot.simulator.track import MIN_RADIUS, STEP, Track, closed_road, separation
 
 EVERY_NAME = [*track_names(), *(f"random:{seed}" for seed in range(12))]
 
@@ -57,7 +57,7 @@ def test_every_course_is_well_formed(name: str) -> None:
     track = load_course(name).track
     assert np.linalg.norm(np.diff(track.points[:, :2], axis=0), axis=1) == pytest.approx(STEP, rel=0.02)
     assert np.linalg.norm(track.points[0, :2] - track.points[-1, :2]) == pytest.approx(STEP, rel=0.02)
-    assert 1 / np.abs(track.curvatures).max() >= TIGHTEST
+    assert 1 / np.abs(track.curvatures).max() >= MIN_RADIUS
     assert separation(track) > 4 * track.half_widths.max()
     assert np.abs(np.gradient(track.points[:, 2], STEP)[1:-1]).max() < 0.2  # a car gets up
     assert track.margins.min() > 1.0

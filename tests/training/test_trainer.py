@@ -230,7 +230,7 @@ def test_a_network_that_steers_the_same_for_all_pictures_is_dead(samples: tuple[
     training = Training(CONFIG, *samples)
     for parameter in training.parameters:
         parameter.data.zero_()
-    with pytest.raises(ValueError, match="the network died in epoch 1: .*Try another --seed"):
+    with pytest.raises(ValueError, match="the network collapsed in epoch 1: .*Try another --seed"):
         training.validate()
 
 

@@ -62,14 +62,14 @@ def _events(state: DriveState, model: Model, *, saliency_wanted: bool) -> Iterat
         if state.number != number and state.answer and state.answer.telemetry:
             telemetry = state.answer.telemetry
             # in a native thread, so that telemetry is answered meanwhile
-            jpeg = tpool.execute(_glowing, model, telemetry.frame) if saliency_wanted else telemetry.jpeg
+            jpeg = tpool.execute(_saliency_jpeg, model, telemetry.frame) if saliency_wanted else telemetry.jpeg
             snapshot["frame"] = base64.b64encode(jpeg).decode()
         number = state.number
         yield f"data: {json.dumps(snapshot)}\n\n"
         eventlet.sleep(EVENT_SECONDS)
 
 
-def _glowing(model: Model, frame: Frame) -> bytes:
+def _saliency_jpeg(model: Model, frame: Frame) -> bytes:
     """Return the frame with its saliency drawn into it, as JPEG."""
     picture = overlay(frame, saliency(model.network, frame))
     return cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))[1].tobytes()

@@ -6,11 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 from pilot.driving.autopilot import Answer, Autopilot
+from pilot.vehicle import FULL_LOCK_DEGREES
 
 WAITING_AFTER = 2.0  # s without telemetry until the state is "waiting"
 RATE_SECONDS = 2.0  # window over which frame rate and answer time are computed
 SAMPLE_SECONDS = 0.095  # between points of the strip chart; below 0.1 s, to tolerate jitter of the telemetry
-MINUTE = 600  # points of the strip chart
+CHART_POINTS = 600  # points of the strip chart
 
 
 class DriveState:
@@ -33,7 +34,7 @@ class DriveState:
         self.answer: Answer | None = None
         self._last_time, self._last_event = float("-inf"), ""
         self._recent: deque[tuple[float, float]] = deque(maxlen=400)  # time in s, s to answer
-        self._samples: deque[dict[str, float]] = deque(maxlen=MINUTE)
+        self._samples: deque[dict[str, float]] = deque(maxlen=CHART_POINTS)
 
     def observe(self, answer: Answer) -> None:
         """Add an answer; takes microseconds."""
@@ -49,7 +50,7 @@ class DriveState:
                 {
                     "time": round(now, 3),
                     "speed": round(answer.telemetry.speed, 2),
-                    "set_speed": round(self.autopilot.speed.wanted_speed(answer.steering), 2),
+                    "set_speed": round(self.autopilot.speed.target_speed(answer.steering), 2),
                     "steering": round(answer.steering, 4),
                     "throttle": round(answer.throttle, 3),
                 }
@@ -78,6 +79,7 @@ class DriveState:
             "time": round(now, 3),
             "set_speed": self.autopilot.speed.set_speed,
             "steering": round(answer.steering, 4) if answer else 0.0,
+            "steering_degrees": round(answer.steering * FULL_LOCK_DEGREES, 2) if answer else 0.0,
             "throttle": round(answer.throttle, 3) if answer else 0.0,
             "speed": round(answer.telemetry.speed, 2) if answer and answer.telemetry else 0.0,
             "frames_per_second": round(len(recent) / max(span, 0.2), 1) if len(recent) > 1 else 0.0,

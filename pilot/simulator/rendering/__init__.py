@@ -1,1 +1,1 @@
-"""What is seen of a track: meshes, textures, light, cameras."""
+"""Rendering of courses: meshes, textures, light and cameras."""

@@ -1,6 +1,6 @@
-"""The car as it is seen from behind and, its bonnet, from the driver's place; made of quads by code.
+"""The car's body as a procedural mesh of quads, for views from outside and from the driver's seat.
 
-Car axes: x right, y forward, z up, metres, from the middle of the rear axle on the ground.
+Car axes: x right, y forward, z up, in metres; the origin is the middle of the rear axle, on the ground.
 """
 
 import math
@@ -13,16 +13,16 @@ from pilot.simulator.course import Colour, Light
 from pilot.simulator.rendering.bonnet import PAINT
 from pilot.simulator.rendering.mesh import Mesh
 from pilot.simulator.rendering.scene import to_geom
-from pilot.vehicle import FULL_LOCK, HALF_TRACK, WHEELBASE
+from pilot.vehicle import FULL_LOCK, HALF_TRACK, WHEEL_RADIUS, WHEELBASE
 
-RADIUS, WIDTH, SPOKES = 0.35, 0.24, 5  # of a wheel, metres
-SIDES = 4 * SPOKES  # that a wheel is drawn with
-SUN = np.array([-0.5, -0.4, 0.77])  # where the light on the car comes from: it does not turn with the car
+WIDTH, SPOKES = 0.24, 5  # of a wheel; metres, number
+SIDES = 4 * SPOKES  # of the polygon that approximates a wheel
+SUN = np.array([-0.5, -0.4, 0.77])  # towards the light; in car axes, because the shading is computed only once
 GLASS, TYRE, RIM, LAMP = (44, 56, 68), (30, 30, 32), (170, 172, 176), (150, 16, 16)
 SHADOW = 0.45  # opacity
 
-# Cross-sections from the tail forward: y, half the width, lowest and highest z; the colour up to the next one.
-# The bonnet's end is where the centre camera of the real simulator has it.
+# Cross-sections from tail to nose: y, half width, lowest and highest z.
+# The bonnet's end is where the Unity simulator's centre camera shows it.
 Section = tuple[float, float, float, float]
 HULL: list[Section] = [
     (-0.92, 0.76, 0.46, 0.72),
@@ -43,10 +43,10 @@ CABIN: list[Section] = [
 
 
 class Body:
-    """The car in a scene.
+    """The car's body as a node of the scene graph.
 
     Attributes:
-        root: what is moved with the car.
+        root: node to be placed at the car's position.
     """
 
     def __init__(self, light: Light) -> None:
@@ -61,35 +61,35 @@ class Body:
         self._axles = [self._add_wheel(x, y) for x, y in places]
 
     def show(self, steering: float, travelled: float, *, braking: bool) -> None:
-        """Turn the wheels.
+        """Set the wheels and the brake lamps.
 
         Args:
             steering: -1..1.
-            travelled: metres, that the wheels have rolled.
-            braking: whether the rear lamps shine.
+            travelled: distance rolled by the wheels, metres.
+            braking: whether the brake lamps are on.
         """
         for number, axle in enumerate(self._axles):
             axle.set_h(-math.degrees(steering * FULL_LOCK) if number >= 2 else 0.0)
-            axle.get_child(0).set_p(-math.degrees(travelled / RADIUS) % 360)
+            axle.get_child(0).set_p(-math.degrees(travelled / WHEEL_RADIUS) % 360)
         self._lamps.set_color_scale(*((1.7, 2.5, 2.5, 1) if braking else (1, 1, 1, 1)))
 
     def _add_wheel(self, x: float, y: float) -> NodePath:
         axle = self.root.attach_new_node("axle")
-        axle.set_pos(x, y, RADIUS)
+        axle.set_pos(x, y, WHEEL_RADIUS)
         self._attach(axle, *_wheel())
         return axle
 
     def _add_shadow(self) -> None:
-        z = 0.06  # so far above the ground that the road, which is not quite even, does not hide it
+        z = 0.06  # metres above the ground, so that an uneven road does not hide the shadow
         corners = np.array([[[-1.1, -1.0, z], [1.1, -1.0, z], [1.1, 3.7, z], [-1.1, 3.7, z]]])
         shadow = self._attach(self.root, corners, [(0, 0, 0)])
         shadow.set_transparency(TransparencyAttrib.M_alpha)
         shadow.set_alpha_scale(SHADOW * self._light.shadows)
         shadow.set_depth_write(False)
-        shadow.set_bin("unsorted", 0)  # after the road
+        shadow.set_bin("unsorted", 0)  # drawn after the road
 
     def _attach(self, parent: NodePath, corners: Floats, colours: list[Colour]) -> NodePath:
-        """Add quads (n x 4 x 3), each of one colour, lit by where they face."""
+        """Add quads (n x 4 x 3, metres), each with a colour (RGB, 0..255) that is shaded by its orientation."""
         across, along = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
         normals = np.cross(across, along)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -109,12 +109,12 @@ def _cabin() -> tuple[Floats, list[Colour]]:
     wide = [(y, 0.86, low, high) for y, _, low, high in CABIN]
     pieces = len(CABIN) - 1
     top: list[Colour] = [GLASS, PAINT, PAINT, GLASS]  # rear window, roof, windscreen
-    corners = _loft(CABIN, wide)[: 3 * pieces]  # its ends lie in the hull
+    corners = _loft(CABIN, wide)[: 3 * pieces]  # without tail and nose, which lie inside the hull
     return corners, [*top, *[GLASS] * (2 * pieces)]
 
 
 def _loft(upper: list[Section], lower: list[Section]) -> Floats:
-    """The top faces between cross-sections, then the left, the right ones, tail and nose; widths by upper and lower."""
+    """Return the quads between cross-sections: top, left, right, tail, nose; `lower` gives the lower edges."""
     above = [[(-width, y, high), (width, y, high)] for y, width, _, high in upper]
     below = [[(-width, y, low), (width, y, low)] for y, width, low, _ in lower]
     pairs = range(len(upper) - 1)
@@ -127,26 +127,31 @@ def _loft(upper: list[Section], lower: list[Section]) -> Floats:
 
 
 def _card(low: tuple[float, float, float], high: tuple[float, float, float]) -> Floats:
-    """An upright quad that faces backwards."""
+    """Return an upright quad (1 x 4 x 3) that faces backwards, from its lower left and upper right corners."""
     return np.array([[low, (high[0], low[1], low[2]), high, (low[0], low[1], high[2])]], float)
 
 
 def _wheel() -> tuple[Floats, list[Colour]]:
-    """Tread and both faces, whose spokes show how it turns."""
+    """Return the quads and colours of a wheel: tread, and both faces with spokes, which make its rotation visible."""
     angles = np.linspace(0, 2 * np.pi, SIDES + 1)
     ring = np.column_stack([np.zeros(SIDES + 1), np.cos(angles), np.sin(angles)])
     right = np.array([WIDTH / 2, 0, 0])
     tread = np.stack(
-        [RADIUS * ring[:-1] - right, RADIUS * ring[1:] - right, RADIUS * ring[1:] + right, RADIUS * ring[:-1] + right],
+        [
+            WHEEL_RADIUS * ring[:-1] - right,
+            WHEEL_RADIUS * ring[1:] - right,
+            WHEEL_RADIUS * ring[1:] + right,
+            WHEEL_RADIUS * ring[:-1] + right,
+        ],
         axis=1,
     )
-    bands = [(RADIUS, 0.66 * RADIUS), (0.66 * RADIUS, 0.0)]
+    bands = [(WHEEL_RADIUS, 0.66 * WHEEL_RADIUS), (0.66 * WHEEL_RADIUS, 0.0)]
     faces = [side for outer, inner in bands for side in _faces(ring, right, outer, inner)]
     spokes: list[Colour] = [RIM if number % 4 < 2 else TYRE for number in range(SIDES)]
     return np.concatenate([tread, *faces]), [*[TYRE] * (3 * SIDES), *spokes, *spokes]
 
 
 def _faces(ring: Floats, right: Floats, outer: float, inner: float) -> tuple[Floats, Floats]:
-    """The right and the left face's band between two radii (metres)."""
+    """Return the quads between two radii (metres) of the right and of the left face."""
     band = np.stack([inner * ring[:-1], outer * ring[:-1], outer * ring[1:], inner * ring[1:]], axis=1)
     return band + right, band[:, ::-1] - right

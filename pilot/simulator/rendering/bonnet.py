@@ -1,4 +1,4 @@
-"""The car's bonnet at the bottom of each camera's picture, where the real simulator has it."""
+"""The car's bonnet at the bottom of each camera's frame, positioned as in the Unity simulator."""
 
 import functools
 
@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from pilot.arrays import Frame
 from pilot.simulator.course import Light
-from pilot.vehicle import BONNET_ROW, COLUMNS
+from pilot.vehicle import BONNET_ROW, COLUMNS, ROWS
 
-FINE = 4  # drawn this many times as large, for smooth borders
+FINE = 4  # supersampling factor, for smooth edges
 Points = list[tuple[float, float]]
 
-# columns and rows of the frame
+# outlines: columns and rows of the frame
 MIDDLE: Points = [
     (36, 160),
     (70, 150),
@@ -42,7 +42,7 @@ PAINT, EDGE, GLASS, LAMP = (196, 168, 128), (150, 128, 98), (196, 204, 200), (25
 
 
 def add_bonnet(frame: Frame, camera: str, light: Light) -> Frame:
-    """Draw the bonnet into a camera's frame (160x320x3 uint8 RGB, changed in place)."""
+    """Draw the bonnet into a camera's frame (160x320x3 uint8 RGB), in place; returns the frame."""
     colour, alpha = _picture(camera, light)
     below = frame[BONNET_ROW:]
     below[:] = (below * (1 - alpha) + colour).astype(np.uint8)
@@ -51,13 +51,13 @@ def add_bonnet(frame: Frame, camera: str, light: Light) -> Frame:
 
 @functools.cache
 def _picture(camera: str, light: Light) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The bonnet's colours, multiplied with how much it covers, and that."""
-    canvas = np.zeros(((160 - BONNET_ROW) * FINE, COLUMNS * FINE, 4), np.float32)
+    """Return the bonnet's lit colours (24x320x3, 0..255, premultiplied by alpha) and its alpha (24x320x1, 0..1)."""
+    canvas = np.zeros(((ROWS - BONNET_ROW) * FINE, COLUMNS * FINE, 4), np.float32)
     if camera == "center":
         _draw_middle(canvas)
     else:
         _draw_side(canvas)
-    small = cv2.resize(canvas, (COLUMNS, 160 - BONNET_ROW), interpolation=cv2.INTER_AREA)
+    small = cv2.resize(canvas, (COLUMNS, ROWS - BONNET_ROW), interpolation=cv2.INTER_AREA)
     small = small[:, ::-1] if camera == "right" else small
     shine = np.array(light.sun, np.float32) * 0.8 + np.array(light.ambient, np.float32)
     return np.ascontiguousarray(small[:, :, :3] * shine), np.ascontiguousarray(small[:, :, 3:] / 255)

@@ -1,4 +1,4 @@
-"""The land, the water and the trees on it as meshes; and where the trees stand."""
+"""Meshes of the ground, the water and the plants, and the placement of the plants."""
 
 from dataclasses import dataclass
 
@@ -10,12 +10,13 @@ from pilot.simulator.rendering.mesh import Mesh
 from pilot.simulator.rendering.terrain import CELL, Nearest, Terrain
 from pilot.simulator.rendering.textures import MEAN
 
-TILE = 9.0  # metres that the ground's texture covers
-CLEAR = 2.0  # metres beside the road that are kept free
-WATER = (92, 116, 150)
-INSIDE = np.array([[0.01, 0.01], [0.99, 0.01], [0.99, 0.98], [0.01, 0.98]])  # of a picture whose borders would meet
+TILE = 9.0  # metres that a tile of the ground's texture covers
+CLEAR = 2.0  # metres, minimum distance of plants from the road's edge
+WATER = (92, 116, 150)  # RGB
+# texture coordinates of a plant: not up to the borders, where interpolation would mix in the opposite border
+INSIDE = np.array([[0.01, 0.01], [0.99, 0.01], [0.99, 0.98], [0.01, 0.98]])
 SIZES = {"pine": (4.0, 5.5, 11.0), "palm": (4.5, 6.0, 9.0), "boulder": (1.2, 2.5, 2.2)}
-"""Least distance from the road's edge, width and height, metres; the last two vary by a third."""
+"""Minimum distance from the road's edge, width and height, metres; width and height vary by about a third."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,10 +24,10 @@ class Plants:
     """Trees or boulders.
 
     Attributes:
-        points: n x 3, metres, where they stand.
+        points: positions, n x 3, metres.
         widths, heights: n, metres.
-        angles: n, radians, how they are turned.
-        shades: n, brightness of each.
+        angles: rotations about the vertical axis, n, radians.
+        shades: brightness factors, n.
     """
 
     points: Floats
@@ -37,9 +38,9 @@ class Plants:
 
 
 def ground_meshes(course: Course, terrain: Terrain) -> list[Mesh]:
-    """The ground, and the water if there is some."""
+    """Create the meshes of the ground and, if the course has a lake, of the water."""
     points = np.dstack([terrain.grid, terrain.heights])
-    # what lies wholly under the road is never seen
+    # quads completely below the road are never visible
     seen = _quads(terrain.beyond[..., None]).max(axis=(1, 2)) > -3.0
     corners = _quads(points)[seen]
     colours = _quads(terrain.colours / MEAN)[seen]
@@ -48,7 +49,7 @@ def ground_meshes(course: Course, terrain: Terrain) -> list[Mesh]:
 
 
 def _quads(grid: Floats) -> Floats:
-    """The four corners of each of a grid's cells (rows x columns x k): n x 4 x k."""
+    """Return the values of a grid (rows x columns x k) at the four corners of each cell: n x 4 x k."""
     cells = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2)
     return np.asarray(cells.reshape(-1, 4, grid.shape[2]))
 
@@ -61,7 +62,7 @@ def _water(level: float, terrain: Terrain) -> Mesh:
 
 
 def grow_plants(course: Course, terrain: Terrain) -> Plants:
-    """Where trees or boulders stand: by the course's density, denser in groves, none on steep or wet ground."""
+    """Place trees or boulders at random: denser near the road and in groves, none close to the road or in the water."""
     random = np.random.default_rng([course.seed, 3])
     margin, width, height = SIZES[course.look.tree]
     area = terrain.heights.size * CELL**2
@@ -86,12 +87,12 @@ def grow_plants(course: Course, terrain: Terrain) -> Plants:
 
 
 def plant_mesh(course: Course, plants: Plants, shine: Floats) -> Mesh:
-    """Two crossed pictures a plant.
+    """Create the mesh of the plants: two crossed vertical quads per plant.
 
     Args:
-        course: where they stand.
-        plants: the plants.
-        shine: n x 3, light on each, 0..1.
+        course: of the plants.
+        plants: to be drawn.
+        shine: light on each plant, n x 3, 0..1.
     """
     crossed = []
     for turn in (0.0, np.pi / 2):

@@ -1,4 +1,4 @@
-"""Light and shadow on the ground, computed once: the renderer only multiplies with it."""
+"""Precomputed light and shadows on the ground; the renderer multiplies the ground's colours by them."""
 
 import math
 from dataclasses import dataclass
@@ -11,19 +11,20 @@ from pilot.simulator.course import Light
 from pilot.simulator.rendering.ground import Plants
 from pilot.simulator.rendering.terrain import CELL, Terrain
 
-SIZE = 2048  # pixels along each side
-COARSE = 512  # pixels along each side where hills cast their shadows
-CROWN = {"pine": 0.55, "palm": 0.8, "boulder": 0.5}  # where its middle is, in the plant's heights
-REACH = 60.0  # metres, longest shadow of a hill
+SIZE = 2048  # pixels per side of the light map
+COARSE = 512  # pixels per side for shading by slopes and shadows of hills
+CROWN = {"pine": 0.55, "palm": 0.8, "boulder": 0.5}  # height of the crown's middle, relative to the plant's height
+REACH = 60.0  # metres, maximum length of a hill's shadow
 
 
 @dataclass(frozen=True, eq=False)
 class LightMap:
-    """Light on the ground, seen from above.
+    """Light on the ground as an image seen from above.
 
     Attributes:
-        picture: 2048 x 2048 x 3, uint8 RGB, which the ground's colour is multiplied with; rows go north.
-        corner, size: its southwestern corner and its extent to the east and north, metres.
+        picture: factors of the ground's colour, 2048 x 2048 x 3, uint8 RGB (255 is 1); rows run from south to north.
+        corner: southwestern corner (east, north), metres.
+        size: extent (east, north), metres.
     """
 
     picture: "np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]"
@@ -31,17 +32,17 @@ class LightMap:
     size: Floats
 
     def texels(self, points: Floats) -> Floats:
-        """Texture coordinates (0..1) of points (... x 3, metres)."""
+        """Return the texture coordinates (... x 2, 0..1) of points (... x 3, metres)."""
         return np.asarray((points[..., :2] - self.corner) / self.size)
 
     def light_at(self, points: Floats) -> Floats:
-        """Light at points (n x 3, metres): n x 3, 0..1."""
+        """Return the light (n x 3, RGB, 0..1) at points (n x 3, metres)."""
         pixels = (self.texels(points) * SIZE).astype(int).clip(0, SIZE - 1)
         return np.asarray(self.picture[pixels[:, 1], pixels[:, 0]] / 255.0)
 
 
 def bake_light(terrain: Terrain, plants: Plants, light: Light, tree: str) -> LightMap:
-    """The light on a terrain with its plants' shadows, for a sun."""
+    """Compute the light map of a terrain, including the shadows of its hills and plants (of kind `tree`)."""
     shine = np.asarray(_slopes(terrain, light) * _hill_shadows(terrain, light), np.float32)
     fine = np.asarray(cv2.resize(shine, (SIZE, SIZE), interpolation=cv2.INTER_LINEAR), np.float32)
     shade = np.zeros((SIZE, SIZE), np.uint8)
@@ -55,13 +56,13 @@ def bake_light(terrain: Terrain, plants: Plants, light: Light, tree: str) -> Lig
 
 
 def _sun(light: Light) -> tuple[float, float, float]:
-    """Unit vector towards the sun: east, north, up."""
+    """Return the unit vector towards the sun: east, north, up."""
     azimuth, elevation = math.radians(light.azimuth), math.radians(light.elevation)
     return (math.sin(azimuth) * math.cos(elevation), math.cos(azimuth) * math.cos(elevation), math.sin(elevation))
 
 
 def _slopes(terrain: Terrain, light: Light) -> Floats:
-    """How much of the sun each part of the ground gets by its slope, 1 where it is level; 512 x 512."""
+    """Return the sunlight (512 x 512) on the ground depending on its slope, relative to level ground."""
     east, north, up = _sun(light)
     heights = cv2.resize(cv2.GaussianBlur(terrain.heights, (0, 0), 0.7), (COARSE, COARSE))
     rows, columns = terrain.heights.shape
@@ -71,7 +72,7 @@ def _slopes(terrain: Terrain, light: Light) -> Floats:
 
 
 def _hill_shadows(terrain: Terrain, light: Light) -> Floats:
-    """1 in the sun, less in the shadow of a hill; 512 x 512."""
+    """Return the factor (512 x 512, 0..1) of the sunlight after shadows of hills; 1 is in the sun."""
     east, north, up = _sun(light)
     heights = cv2.resize(terrain.heights, (COARSE, COARSE)).astype(np.float32)
     hidden = np.zeros((COARSE, COARSE), np.float32)
@@ -98,10 +99,10 @@ def _plant_shadows(
     *,
     crown: float,
 ) -> None:
-    """Draw the plants' shadows, as they fall on level ground; 255 where nothing of the sun comes through."""
+    """Draw the plants' shadows, as on level ground, into `shade`: 0 is in the sun, 255 fully shaded."""
     east, north, up = _sun(light)
-    away = -np.array([east, north]) / up  # of a shadow's tip, per metre of height
-    scale = SIZE / terrain.size  # pixels a metre
+    away = -np.array([east, north]) / up  # horizontal displacement of the shadow per metre of height
+    scale = SIZE / terrain.size  # pixels per metre
     angle = math.degrees(math.atan2(away[1] * scale[1], away[0] * scale[0]))
     for point, width, height in zip(plants.points, plants.widths, plants.heights, strict=True):
         foot = (point[:2] - terrain.corner) * scale

@@ -1,4 +1,4 @@
-"""Quads as arrays: the form in which land, road and trees go to the renderer."""
+"""Meshes of quads as arrays, the form in which terrain, road and plants are passed to the renderer."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pilot.arrays import Floats
 
-CHUNK = 64.0  # metres, what is drawn or left out as a whole
+CHUNK = 64.0  # metres, side of the squares that are drawn or culled as a whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,9 +17,9 @@ class Mesh:
 
     Attributes:
         texture: name of a surface or plant.
-        corners: n x 4 x 3, metres, counter-clockwise as seen from where it is visible.
-        colours: n x 4 x 3, RGB 0..255, which the texture is multiplied with.
-        texels: n x 4 x 2, texture coordinates, in tiles.
+        corners: n x 4 x 3, metres, counter-clockwise as seen from the visible side.
+        colours: n x 4 x 3, RGB, 0..255; multiplied by the texture.
+        texels: texture coordinates, n x 4 x 2, in tiles.
     """
 
     texture: str
@@ -28,18 +28,18 @@ class Mesh:
     texels: Floats
 
     def chunks(self) -> list["Mesh"]:
-        """The mesh in pieces of at most 64 m x 64 m, so that what is out of sight need not be drawn."""
+        """Split the mesh by squares of 64 m x 64 m, so that those out of view are not drawn."""
         squares = np.floor(self.corners[:, :, :2].mean(1) / CHUNK).astype(int)
         names, piece = np.unique(squares, axis=0, return_inverse=True)
         return [self.subset(np.flatnonzero(piece.ravel() == number)) for number in range(len(names))]
 
     def subset(self, quads: NDArray[np.intp]) -> "Mesh":
-        """Some of the quads."""
+        """Return a mesh of the quads with the given indices."""
         return Mesh(self.texture, self.corners[quads], self.colours[quads], self.texels[quads])
 
 
 def join(meshes: Iterable[Mesh]) -> list[Mesh]:
-    """One mesh for each texture, in the order of their first."""
+    """Merge meshes with the same texture; the result is in the order of each texture's first mesh."""
     alike: dict[str, list[Mesh]] = {}
     for mesh in meshes:
         alike.setdefault(mesh.texture, []).append(mesh)

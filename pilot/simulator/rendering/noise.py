@@ -1,4 +1,4 @@
-"""Smooth random fields, for land and textures."""
+"""Smooth random fields for terrain and textures."""
 
 import cv2
 import numpy as np
@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 def smooth_noise(
     random: np.random.Generator, rows: int, columns: int, cells: int, octaves: int = 4
 ) -> NDArray[np.float64]:
-    """A random field of about -1..1 (rows x columns) that goes on at its opposite border.
+    """Generate a periodic random field (rows x columns) with values of about -1..1.
 
     Args:
-        random: generator of it.
-        rows, columns: size.
-        cells: hills along the longer side, in the coarsest octave.
-        octaves: each has half the size and half the height of the one before.
+        random: source of randomness.
+        rows, columns: size of the field.
+        cells: random values along the longer side in the coarsest octave.
+        octaves: number of octaves; each has half the wavelength and half the amplitude of the previous one.
     """
     field = np.zeros((rows, columns))
     for octave in range(octaves):

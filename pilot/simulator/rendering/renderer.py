@@ -1,4 +1,4 @@
-"""The car's three cameras, drawn without display or GPU."""
+"""Software rendering of the car's cameras, without display or GPU."""
 
 import functools
 import math
@@ -26,7 +26,7 @@ from pilot.simulator.rendering.bonnet import add_bonnet
 from pilot.simulator.rendering.scene import Scene
 from pilot.vehicle import CAMERA_AHEAD_OF_REAR_AXLE, CAMERA_HEIGHT, CAMERA_OFFSETS, COLUMNS, FOCAL_LENGTH, ROWS
 
-NEAR, FAR = 0.4, 1200.0
+NEAR, FAR = 0.4, 1200.0  # clipping distances, metres
 SETTINGS = """
     audio-library-name null
     sync-video 0
@@ -37,16 +37,17 @@ SETTINGS = """
 
 @functools.cache
 def _engine() -> tuple[GraphicsEngine, GraphicsPipe]:
-    load_prc_file_data("", SETTINGS)  # of Panda3D, which reads them when its engine is made
+    load_prc_file_data("", SETTINGS)  # before the engine is created, which reads them
     pipe = GraphicsPipeSelection.get_global_ptr().make_pipe("TinyOffscreenGraphicsPipe", "p3tinydisplay")
     return GraphicsEngine.get_global_ptr(), pipe
 
 
 class Renderer:
-    """Draws what a car's cameras see.
+    """Renders the frames of a car's cameras.
 
     Attributes:
-        cameras: names of the cameras, of left, center and right.
+        scene: the rendered scene.
+        cameras: names of the cameras: any of left, center and right.
     """
 
     def __init__(self, scene: Scene, cameras: tuple[str, ...] = ("center",)) -> None:
@@ -76,12 +77,12 @@ class Renderer:
         return node
 
     def render(self, x: float, y: float, z: float, heading: float, slope: float = 0.0) -> dict[str, Frame]:
-        """What the cameras see: 160x320x3 uint8 RGB each.
+        """Render the cameras' frames, by camera name: 160x320x3 uint8 RGB each.
 
         Args:
-            x, y, z: metres, the middle of the car's rear axle, on the ground.
-            heading: radians, compass.
-            slope: rise over run of the ground under the car.
+            x, y, z: middle of the car's rear axle, on the ground, metres.
+            heading: compass heading of the car, radians.
+            slope: of the ground in the direction of the heading, rise over run.
         """
         for name, node in zip(self.cameras, self._nodes, strict=True):
             pose = camera_pose(x, y, z, heading, slope, offset=CAMERA_OFFSETS[name])
@@ -97,17 +98,22 @@ class Renderer:
         return frames
 
     def render_episode(self, episode: Episode) -> dict[str, Frame]:
-        """What the cameras of a car on its road see: 160x320x3 uint8 RGB each."""
+        """Render the cameras' frames in an episode's current state, by camera name: 160x320x3 uint8 RGB each."""
         car = episode.car
         return self.render(car.x, car.y, self.scene.ground(episode), car.heading, episode.slope)
 
     def close(self) -> None:
-        """Free the buffer."""
+        """Release the off-screen buffer."""
         self._engine.remove_window(self._output)
 
 
 def camera_pose(x: float, y: float, z: float, heading: float, slope: float, *, offset: float) -> Matrix:
-    """A camera's pose as Panda3D wants it (4x4: its right, forward and up axis and its position, as rows)."""
+    """Return a camera's pose in Panda3D's convention: 4x4, whose rows are its right, forward and up axes and position.
+
+    Args:
+        x, y, z, heading, slope: of the car, as for `Renderer.render`.
+        offset: of the camera to the right of the car's middle, metres.
+    """
     pitch = math.atan(slope)
     forward = np.array([math.sin(heading) * math.cos(pitch), math.cos(heading) * math.cos(pitch), math.sin(pitch)])
     right = np.array([math.cos(heading), -math.sin(heading), 0.0])

@@ -1,4 +1,4 @@
-"""The road's surface as strips side by side: asphalt with its paint, kerbs, shoulders, bridges."""
+"""Meshes of the road as adjacent strips: asphalt, paint, kerbs, shoulders and bridges."""
 
 from typing import TypeVar
 
@@ -14,17 +14,17 @@ from pilot.simulator.track import STEP
 Rows = NDArray[np.bool_]
 Value = TypeVar("Value", bound=np.generic)
 
-EVERY = 3  # of the track's points make a row of quads: 1.5 m, the length of a kerb's stripe
+POINTS_PER_ROW = 3  # points of the track per row of quads: 1.5 m, the length of a kerb's stripe
 DASH, DASH_PERIOD = 2, 6  # rows
-TILE = {"asphalt": 4.0, "tarmac": 4.0, "cobbles": 3.0, "concrete": 3.0, "ground": 6.0}  # metres that a texture covers
-KERB_RADIUS = 50.0  # metres; wider bends have no kerb
-PAINT_WIDTH = 0.16
+TILE = {"asphalt": 4.0, "tarmac": 4.0, "cobbles": 3.0, "concrete": 3.0, "ground": 6.0}  # metres per tile of a texture
+KERB_RADIUS = 50.0  # metres, maximum radius of bends with kerbs
+PAINT_WIDTH = 0.16  # metres
 RED, WHITE = (196, 60, 52), (226, 222, 214)
 COBBLES, WALL, WALL_TOP = (158, 120, 108), (40, 40, 44), (70, 70, 76)
 
 
 def road_meshes(course: Course) -> list[Mesh]:
-    """Everything that lies on the road or borders on it."""
+    """Create the meshes of the road and of what borders on it."""
     strips = _Strips(course)
     _asphalt(strips)
     for side in (-1, 1):
@@ -35,27 +35,27 @@ def road_meshes(course: Course) -> list[Mesh]:
 
 
 class _Strips:
-    """Lays strips along a road.
+    """Builds strips of quads along a road.
 
     Attributes:
-        count: rows of quads in a lap.
-        bridge: which rows lie on a bridge.
-        meshes: the strips laid so far.
+        count: number of rows of quads per lap.
+        bridge: mask of the rows on a bridge.
+        meshes: the strips built so far.
     """
 
     def __init__(self, course: Course) -> None:
         self.course, self.track, self.look = course, course.track, course.look
-        self.count = len(self.track.points) // EVERY
+        self.count = len(self.track.points) // POINTS_PER_ROW
         self._points = (np.arange(self.count + 1) * len(self.track.points) / self.count).astype(int)
         self.bridge = self.rows(course.on_bridge())
         self.meshes: list[Mesh] = []
 
     def rows(self, values: NDArray[Value]) -> NDArray[Value]:
-        """Values at the track's points, at the rows."""
+        """Select the values of the rows from values at the track's points."""
         return np.asarray(values[self._points[:-1]])
 
     def weight(self, kind: Roadside, side: int) -> Rows:
-        """Which rows have a kind of roadside on a side."""
+        """Return a mask of the rows with a kind of roadside on a side (-1, 1)."""
         return np.asarray(self.rows(self.course.weight(kind, side)) > 0.5)
 
     def lay(
@@ -68,7 +68,15 @@ class _Strips:
         where: Rows,
         lift: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """A strip between two offsets (metres right of the middle, at the track's points), lifted at each side."""
+        """Add a strip.
+
+        Args:
+            texture: of the surface, a key of TILE.
+            left, right: lateral offsets of its borders at the track's points, metres.
+            colour: RGB, 0..255; one, or one per row.
+            where: mask of the rows that have the strip.
+            lift: heights of the left and the right border above the road, metres.
+        """
         first, last = self._border(left, lift[0]), self._border(right, lift[1])
         corners = np.stack([first[:-1], last[:-1], last[1:], first[1:]], axis=1)
         along = STEP * np.stack([self._points[:-1], self._points[:-1], self._points[1:], self._points[1:]], axis=1)
@@ -89,7 +97,7 @@ class _Strips:
         where: Rows,
         lift: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """A strip on a side (-1, 1), from `inner` to `outer` metres beyond the road's edge."""
+        """Add a strip on a side (-1, 1), from `inner` to `outer` metres outside the road's edge; `lift` likewise."""
         near, far = side * (self.track.half_widths + inner), side * (self.track.half_widths + outer)
         if side > 0:
             self.lay(texture, near, far, colour=colour, where=where, lift=lift)
@@ -102,7 +110,7 @@ class _Strips:
 
 
 def _asphalt(strips: _Strips) -> None:
-    """The lanes, with a dashed line between them, or the bridge's cobbles."""
+    """Add the lanes with the dashed line between them, and the cobbles of bridges."""
     look, half = strips.look, strips.track.half_widths
     lanes = half - (look.paint_inside + PAINT_WIDTH if look.edge_line else 0)
     line = np.full(len(half), PAINT_WIDTH / 2)
@@ -115,7 +123,7 @@ def _asphalt(strips: _Strips) -> None:
 
 
 def _edge(strips: _Strips, side: int) -> None:
-    """The painted line near the edge, which is missing where there is only dirt."""
+    """Add the edge line, which is absent where the roadside is dirt."""
     look = strips.look
     if look.edge_line:
         paint = np.where(strips.weight("dirt", side)[:, None], look.asphalt, look.edge_line)
@@ -125,7 +133,7 @@ def _edge(strips: _Strips, side: int) -> None:
 
 
 def _beside(strips: _Strips, side: int) -> None:
-    """What borders on the road: kerb in tight bends, shoulder, dirt or the bare ground; and the way down from it."""
+    """Add the kerb (in tight bends), shoulder, dirt or grass at the road's edge, and the slope down to the terrain."""
     look, land = strips.look, ~strips.bridge
     dirt = strips.weight("dirt", side) & land
     tight = np.abs(strips.rows(strips.track.curvatures)) > 1 / KERB_RADIUS
@@ -140,7 +148,7 @@ def _beside(strips: _Strips, side: int) -> None:
 
 
 def _wall(strips: _Strips, side: int) -> None:
-    """The bridge's wall: what the driver sees of it, its top, and what one sees from the land."""
+    """Add the bridge's wall: its inner side, top and outer side."""
     for inner, outer, colour, lift in (
         (0.0, 0.001, WALL, (0.0, 0.8)),
         (0.0, 0.4, WALL_TOP, (0.8, 0.8)),

@@ -1,4 +1,4 @@
-"""A course as a Panda3D scene. Panda3D draws in software here: no shaders, so the light is baked."""
+"""A course as a Panda3D scene. Its software renderer has no shaders, so the light is precomputed."""
 
 import functools
 from typing import get_args
@@ -30,32 +30,33 @@ from pilot.simulator.rendering.road import road_meshes
 from pilot.simulator.rendering.terrain import LEVEL_BESIDE, Terrain, make_terrain
 from pilot.simulator.rendering.textures import panorama, plant, surface
 
-SKY_RADIUS = 600.0
+SKY_RADIUS = 600.0  # metres
 SKY_TOP, SKY_BOTTOM = 35.0, -35.0 / 3  # degrees above the horizon
 
 
 class Scene:
-    """What there is to be seen of a course.
+    """Scene graph of a course.
 
     Attributes:
-        root: the scene graph.
-        sky: the part of it that goes along with the camera.
-        terrain: heights of the ground.
+        light: of the scene.
+        terrain: around the road.
+        root: node of the whole scene.
+        sky: node of the sky, to be moved with the camera.
     """
 
     def __init__(self, course: Course, light: str | None = None) -> None:
         """Build the scene.
 
         Args:
-            course: the road and its surroundings.
-            light: a key of LIGHTS, or None for the course's own.
+            course: the track and its surroundings.
+            light: a key of LIGHTS; None: the course's default.
         """
         self.light: Light = LIGHTS[light or course.light]
         self.terrain: Terrain = make_terrain(course)
         plants = grow_plants(course, self.terrain)
         shine = bake_light(self.terrain, plants, self.light, course.look.tree)
         self.root = NodePath("course")
-        # drawn in the order they were made: else memory addresses decide which of two equally near pixels wins
+        # draw in order of creation: otherwise memory addresses decide which of two pixels at equal depth is visible
         self.root.set_bin("unsorted", 0)
         solid = _lit(self.root.attach_new_node("solid"), shine)
         for mesh in join([*ground_meshes(course, self.terrain), *road_meshes(course)]):
@@ -69,7 +70,7 @@ class Scene:
         self.sky.reparent_to(self.root)
 
     def ground(self, episode: Episode) -> float:
-        """Height (metres) of the ground under a car: of the road, and some metres beside it of the land."""
+        """Return the height (metres) of the surface under a car: the road, or the terrain some metres beside it."""
         beside = abs(episode.where.lateral_offset) - episode.where.half_width - LEVEL_BESIDE
         if beside <= 0:
             return episode.where.height
@@ -78,7 +79,7 @@ class Scene:
 
 
 def _lit(node: NodePath, shine: LightMap) -> NodePath:
-    """Have everything below a node multiplied with the light map."""
+    """Multiply the colours of everything below a node by the light map; returns the node."""
     stage = TextureStage("light")
     stage.set_mode(TextureStage.M_modulate)
     stage.set_sort(10)
@@ -89,27 +90,27 @@ def _lit(node: NodePath, shine: LightMap) -> NodePath:
 
 @functools.cache
 def _texture(name: str) -> Texture:
-    """The picture of a surface or plant, the same for all scenes."""
+    """Return the texture of a surface or plant, shared by all scenes."""
     if name in get_args(Plant):
         texture = _clamped(_to_texture(name, plant(name)[::-1]))
-        texture.set_minfilter(SamplerState.FT_linear)  # smaller ones would blur into columns
+        texture.set_minfilter(SamplerState.FT_linear)  # no mipmaps: they would blur a plant into a column
         return texture
     return _to_texture(name, surface(name))
 
 
 def _clamped(texture: Texture) -> Texture:
-    """The texture, ending at its borders instead of being repeated."""
+    """Clamp a texture at its borders instead of repeating it; returns the texture."""
     texture.set_wrap_u(SamplerState.WM_clamp)
     texture.set_wrap_v(SamplerState.WM_clamp)
     return texture
 
 
 def _to_texture(name: str, picture: NDArray[np.uint8]) -> Texture:
-    """A texture from an RGB or RGBA picture whose first row is its bottom."""
+    """Create a texture from an RGB or RGBA image whose first row is the bottom one."""
     height, width, channels = picture.shape
     texture = Texture(name)
     texture.setup_2d_texture(width, height, Texture.T_unsigned_byte, Texture.F_rgb if channels == 3 else Texture.F_rgba)
-    # as Panda3D keeps it; having it reorder the colours takes ten times as long
+    # Panda3D's internal order; its own conversion takes ten times as long
     texture.set_ram_image(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR if channels == 3 else cv2.COLOR_RGBA2BGRA))
     texture.set_minfilter(SamplerState.FT_linear_mipmap_linear)
     texture.set_magfilter(SamplerState.FT_linear)
@@ -132,7 +133,7 @@ def _vertex_format(*, lit: bool) -> GeomVertexFormat:
 
 
 def _attach(parent: NodePath, mesh: Mesh, shine: LightMap | None) -> None:
-    """Add a mesh below a node, in chunks."""
+    """Add a mesh below a node, in chunks; lit by `shine`, if any."""
     texture = _texture(mesh.texture)
     for chunk in mesh.chunks():
         node = GeomNode(mesh.texture)
@@ -142,7 +143,7 @@ def _attach(parent: NodePath, mesh: Mesh, shine: LightMap | None) -> None:
 
 
 def to_geom(mesh: Mesh, shine: LightMap | None) -> Geom:
-    """A mesh as Panda3D takes it; `shine`, if any, gives its second texture coordinates."""
+    """Convert a mesh to Panda3D's format; `shine`, if any, adds texture coordinates of the light map."""
     columns = [("vertex", np.float32, 3), ("color", np.uint8, 4), ("texcoord", np.float32, 2)]
     columns += [("light", np.float32, 2)] if shine else []
     corners = mesh.corners.reshape(-1, 3)
@@ -150,12 +151,12 @@ def to_geom(mesh: Mesh, shine: LightMap | None) -> Geom:
     vertices["vertex"] = corners
     vertices["color"][:, :3] = mesh.colours.reshape(-1, 3).clip(0, 255)
     vertices["color"][:, 3] = 255
-    # near zero: large texture coordinates lose digits
+    # shifted close to zero, because large texture coordinates lose precision
     texels = mesh.texels - np.floor(mesh.texels.min(axis=(0, 1)))
     vertices["texcoord"] = texels.reshape(-1, 2)
     if shine:
         vertices["light"] = shine.texels(corners)
-    # neighbours share their corners, so that the renderer computes each once
+    # shared corners are merged, so that the renderer transforms each once
     _, kept, numbers = np.unique(vertices.view(f"V{vertices.itemsize}"), return_index=True, return_inverse=True)
     data = GeomVertexData("mesh", _vertex_format(lit=shine is not None), Geom.UH_static)
     data.unclean_set_num_rows(len(kept))
@@ -175,7 +176,7 @@ def to_geom(mesh: Mesh, shine: LightMap | None) -> Geom:
 
 
 def _sky(light: Light, course: Course) -> NodePath:
-    """A cylinder around the camera with sky and far hills."""
+    """Create a cylinder around the camera with the sky and distant hills."""
     angles = np.linspace(0, 2 * np.pi, 49)
     ring = SKY_RADIUS * np.column_stack([np.sin(angles), np.cos(angles)])
     low, high = SKY_RADIUS * np.tan(np.radians(SKY_BOTTOM)), SKY_RADIUS * np.tan(np.radians(SKY_TOP))

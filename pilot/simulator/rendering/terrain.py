@@ -1,4 +1,4 @@
-"""The land around a road: a grid of heights and colours that leaves the road lying on it."""
+"""The terrain around a road: a grid of heights and ground colours, level with the road near its edges."""
 
 from dataclasses import dataclass
 
@@ -10,11 +10,11 @@ from pilot.arrays import Floats
 from pilot.simulator.course import DIRT, Course, Roadside
 from pilot.simulator.rendering.noise import smooth_noise
 
-CELL = 4.0  # metres between two points of the grid
-MARGIN = 110.0  # metres of land around the outermost road
-LEVEL_BESIDE = 3.0  # metres beside the road that are as high as it
-BELOW_ROAD = 0.3  # metres that the land lies under the road, which is a surface of its own
-RISE: dict[Roadside, tuple[float, float]] = {  # metres up, and how far from the road that is reached
+CELL = 4.0  # metres between neighbouring points of the grid
+MARGIN = 110.0  # metres of terrain around the road's bounding box
+LEVEL_BESIDE = 3.0  # metres from the road's edge within which the terrain is level with the road
+BELOW_ROAD = 0.3  # metres between the road and the terrain below it, because the road is a separate mesh
+RISE: dict[Roadside, tuple[float, float]] = {  # height above the road, distance over which it is reached; metres
     "hill": (7.0, 32.0),
     "cliff": (11.0, 8.0),
     "drop": (-9.0, 14.0),
@@ -27,13 +27,13 @@ RISE: dict[Roadside, tuple[float, float]] = {  # metres up, and how far from the
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
-    """Heights and colours on a grid.
+    """Heights and ground colours on a grid.
 
     Attributes:
-        west, south: metres, where its first point lies.
-        heights: rows x columns, metres; rows go north, columns east.
+        west, south: x and y of the first point, metres.
+        heights: rows x columns, metres; rows run from south to north, columns from west to east.
         colours: rows x columns x 3, RGB, 0..255.
-        beyond: rows x columns, metres from the road's edge; negative on the road.
+        beyond: distance from the road's edge, rows x columns, metres; negative on the road.
     """
 
     west: float
@@ -44,23 +44,23 @@ class Terrain:
 
     @property
     def grid(self) -> Floats:
-        """Where its points lie: rows x columns x 2, metres."""
+        """Positions (x, y) of the points: rows x columns x 2, metres."""
         rows, columns = self.heights.shape
         return np.dstack(np.meshgrid(self.west + CELL * np.arange(columns), self.south + CELL * np.arange(rows)))
 
     @property
     def corner(self) -> Floats:
-        """Its southwestern corner, metres."""
+        """Southwestern corner (x, y), metres."""
         return np.array([self.west, self.south])
 
     @property
     def size(self) -> Floats:
-        """Its extent to the east and to the north, metres."""
+        """Extent (east, north), metres."""
         rows, columns = self.heights.shape
         return CELL * np.array([columns - 1, rows - 1])
 
     def sample(self, field: Floats, points: Floats) -> Floats:
-        """A field's values at points (n x 2, metres), between the grid's points by bilinear interpolation."""
+        """Interpolate a field (rows x columns) bilinearly at points (n x 2, metres)."""
         columns = ((points[:, 0] - self.west) / CELL).astype(np.float32)
         rows = ((points[:, 1] - self.south) / CELL).astype(np.float32)
         sampled = cv2.remap(
@@ -70,7 +70,7 @@ class Terrain:
 
 
 def make_terrain(course: Course) -> Terrain:
-    """The land of a course; always the same for the same course."""
+    """Generate the terrain of a course; deterministic."""
     low = course.track.points[:, :2].min(0) - MARGIN
     shape = np.ceil((course.track.points[:, :2].max(0) + MARGIN - low) / CELL).astype(int) + 1
     east, north = np.meshgrid(low[0] + CELL * np.arange(shape[0]), low[1] + CELL * np.arange(shape[1]))
@@ -81,15 +81,16 @@ def make_terrain(course: Course) -> Terrain:
 
 
 class Nearest:
-    """For each of some points: the nearest of the road's points, and how far beyond the edge it lies.
+    """The nearest point of the road for each of an array of points.
 
     Attributes:
-        distance: metres from the road's middle. beyond: metres from its edge, negative on the road.
-        road: metres, height of the road there.
+        distance: from the road's centre line, metres.
+        beyond: distance from the road's edge, metres; negative on the road.
+        road: height of the road at its nearest point, metres.
     """
 
     def __init__(self, course: Course, points: Floats) -> None:
-        """Search for points (... x 2, metres)."""
+        """Find the nearest points of the road for points (... x 2, metres)."""
         self._course, track = course, course.track
         self.distance, self._index = track.tree.query(points)
         heading = track.headings[self._index]
@@ -99,7 +100,7 @@ class Nearest:
         self.road = track.points[self._index, 2]
 
     def weight(self, kind: Roadside) -> Floats:
-        """How much of a kind of roadside there is at each point, 0..1."""
+        """Return the weight (0..1) of a kind of roadside at each point."""
         left, right = self._course.weight(kind, -1), self._course.weight(kind, 1)
         return np.asarray(np.where(self._right, right[self._index], left[self._index]))
 
@@ -111,7 +112,7 @@ def _heights(course: Course, near: Nearest, random: np.random.Generator) -> Floa
     for kind, (rise, reached) in RISE.items():
         height = rise * (1 + 0.35 * smooth_noise(random, rows, columns, 14, 2))
         heights += near.weight(kind) * height * _smoothstep(near.beyond, LEVEL_BESIDE, LEVEL_BESIDE + reached)
-    # where two stretches of road share the land between them it must not break off in the middle
+    # smooths the step halfway between two parts of the road, where the nearest one changes
     soft = cv2.GaussianBlur(heights, (0, 0), 3.0)
     heights += (soft - heights) * _smoothstep(near.beyond, 6, 25)
     return np.asarray(np.where(near.beyond < LEVEL_BESIDE, np.minimum(heights, near.road) - BELOW_ROAD, heights))

@@ -1,4 +1,4 @@
-"""Pictures for the simulator's surfaces, made by code: nothing is downloaded."""
+"""Procedural textures of surfaces, plants and sky: nothing is downloaded."""
 
 import functools
 
@@ -11,13 +11,13 @@ from pilot.simulator.rendering.noise import smooth_noise
 
 Picture = NDArray[np.uint8]
 
-SIZE = 256  # pixels; a power of two, as the renderer needs it
-MEAN = 0.72  # brightness of a surface's texture, which its colour is multiplied with
+SIZE = 256  # pixels; a power of two, as the renderer requires
+MEAN = 0.72  # mean brightness of a surface's texture, by which a mesh's colours are divided to compensate for it
 
 
 @functools.cache
 def surface(name: str) -> Picture:
-    """A tile (256x256x3) of asphalt, cobbles, concrete, ground or rock; grey, to be coloured."""
+    """Return a grey tile (256x256x3) of asphalt, tarmac, cobbles, concrete or ground, to be multiplied by a colour."""
     random = np.random.default_rng([sum(name.encode())])
     makers = {"asphalt": _asphalt, "tarmac": _tarmac, "cobbles": _cobbles, "concrete": _concrete, "ground": _ground}
     grey = makers[name](random)
@@ -45,7 +45,7 @@ def _ground(random: np.random.Generator) -> NDArray[np.float64]:
 
 
 def _cobbles(random: np.random.Generator) -> NDArray[np.float64]:
-    """Bricks in rows, each of its own brightness."""
+    """Draw rows of bricks with random brightness."""
     grey = np.full((SIZE, SIZE), 0.4)
     for row in range(8):
         for column in range(-1, 5):
@@ -56,13 +56,13 @@ def _cobbles(random: np.random.Generator) -> NDArray[np.float64]:
 
 @functools.cache
 def plant(kind: str) -> Picture:
-    """A tree or boulder seen from the side, 128x128x4 RGBA; transparent around it."""
+    """Return a pine, palm or boulder seen from the side on a transparent background: 128x128x4 RGBA."""
     random = np.random.default_rng([sum(kind.encode())])
     picture = np.zeros((4 * 128, 4 * 128, 4), np.uint8)
     {"pine": _pine, "palm": _palm, "boulder": _boulder}[kind](picture, random)
     small = cv2.resize(picture, (128, 128), interpolation=cv2.INTER_AREA)
     seen = small[:, :, 3:4] > 127
-    mean = picture[picture[:, :, 3] > 0, :3].mean(0)  # also where nothing is: it shines through at the borders
+    mean = picture[picture[:, :, 3] > 0, :3].mean(0)  # for transparent pixels: interpolation mixes them in at edges
     colours = np.where(small[:, :, 3:4] > 0, small[:, :, :3] * (255 / np.maximum(small[:, :, 3:4], 1)), mean)
     return np.dstack([colours.clip(0, 255).astype(np.uint8), 255 * seen.astype(np.uint8)])
 
@@ -121,14 +121,14 @@ def _boulder(picture: Picture, random: np.random.Generator) -> None:
 
 
 def panorama(light: Light, land: tuple[int, int, int], seed: int) -> Picture:
-    """Sky and far hazy hills all around, 256x1024x3; its lowest quarter lies below the horizon."""
+    """Return a panorama of sky and hazy hills, 256x1024x3 RGB; its lowest quarter is below the horizon."""
     random = np.random.default_rng([seed, 2])
     rows = np.linspace(1, -1 / 3, 256)[:, None, None].clip(0, 1) ** 0.6  # 1 at the top, 0 at the horizon
     sky = np.array(light.horizon) + (np.array(light.sky) - np.array(light.horizon, float)) * rows
     picture = np.repeat(sky, 1024, axis=1)
     clouds = (smooth_noise(random, 256, 1024, 7, 5) - 0.25).clip(0, 0.5) * (1 - np.abs(rows[:, :, 0] - 0.5)).clip(0, 1)
     picture += (250 - picture) * clouds[:, :, None]
-    for distance in (3, 2, 1):  # from far to near, ever less of the air between
+    for distance in (3, 2, 1):  # from far to near, with decreasing haze
         ridge = 192 - 22 / distance**0.3 * (1.1 + smooth_noise(random, 1, 1024, 6 * distance, 5)[0])
         below = np.arange(256)[:, None] > ridge
         dim = np.array(land) * (np.array(light.sun) * 0.6 + np.array(light.ambient))

@@ -1,4 +1,4 @@
-"""The built-in tracks: each is a file of this folder, named as the track is, with NUMBER and course().
+"""The built-in tracks: one module per track, whose name is the track's.
 
-NUMBER is its place in lists; course() makes the road with its surroundings, the same each time.
+Each defines NUMBER, its position in lists, and course(), which creates its course deterministically.
 """

@@ -1,4 +1,4 @@
-"""The simulator's second track, freely drawn after it: hills, hairpins, two lanes."""
+"""The track `jungle`, modelled loosely on the Unity simulator's second track."""
 
 import numpy as np
 
@@ -38,7 +38,7 @@ CORNERS = [
 
 
 def course() -> Course:
-    """After the second track: hills, hairpins, two lanes, hard shadows, cliffs; the car keeps to the right."""
+    """Create the course: hills, hairpin bends, two lanes of which the car uses the right one, hard shadows, cliffs."""
     look = Look(
         asphalt=(136, 134, 132),
         grain="tarmac",

@@ -1,4 +1,4 @@
-"""The simulator's first track, freely drawn after it: wide bends around a lake, and a bridge."""
+"""The track `lake`, modelled loosely on the Unity simulator's first track."""
 
 import numpy as np
 
@@ -28,7 +28,7 @@ CORNERS = [
 
 
 def course() -> Course:
-    """After the simulator's first track: wide bends round a lake, one sharp left and one sharp right, a bridge."""
+    """Create the course: wide bends around a lake, one sharp left bend, one sharp right bend, and a bridge."""
     corners = np.array(CORNERS, float) * (1.155, 1.155, 1)
     roadside = (
         RoadsideSection("water", 0.06, 0.33, -1),

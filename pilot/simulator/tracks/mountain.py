@@ -1,4 +1,4 @@
-"""The older simulator's mountain track, freely drawn after its look: dark, narrow, rocks at the edge."""
+"""The track `mountain`, modelled loosely on the mountain track of an older version of the Unity simulator."""
 
 import numpy as np
 
@@ -27,7 +27,7 @@ CORNERS = [
 
 
 def course() -> Course:
-    """After the older simulator's track: dark, narrow, rocks at the edge."""
+    """Create the course: a dark, narrow road with rocks at its edge."""
     look = Look(
         asphalt=(104, 102, 104),
         grain="tarmac",

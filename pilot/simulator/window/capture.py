@@ -61,9 +61,9 @@ class Capture:
             rows, self._writer = self._writer.rows, None
             try:
                 self._open.close()
-                self._say(f"{rows} moments recorded into {self.folder}")
+                self._say(f"{rows} rows recorded in {self.folder}")
             except OSError as error:  # no space for the buffered rows
-                self._say(f"the recording's end is lost: {error}")
+                self._say(f"the last rows could not be written: {error}")
 
     def add(self, state: CarState) -> None:
         """Write a row if one is due; to be called after each tick."""

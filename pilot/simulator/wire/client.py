@@ -58,8 +58,8 @@ class Summary:
             f"{scores.laps or 0:.2f} laps in {scores.seconds:.1f} s ({self.wall_seconds:.1f} s by the clock), "
             f"mean speed {scores.speed:.1f} mph; cross-track error {scores.cross_track_mean:.2f} m on average, "
             f"{scores.cross_track_max:.2f} m at most\n"
-            f"{self.departures} departures from the road, {scores.interventions} put-backs; {self.answers} answers, "
-            f"{self.lost} lost, {self.reconnects} reconnects"
+            f"{self.departures} departures from the road, {scores.interventions} interventions; "
+            f"{self.answers} answers, {self.lost} lost, {self.reconnects} reconnects"
         )
 
 
@@ -235,8 +235,8 @@ class Client:
         self.lost += 1
         if self.lost == 1:
             log.warning(
-                "the server's answer is lost, as the real simulator would lose it without a word: %s. "
-                "%d such, and the car gets no command any more",
+                "the server's answer is invalid; the real simulator would silently ignore it: %s. "
+                "After %d of these, the car receives no more commands",
                 error,
                 TOKENS,
             )
@@ -244,7 +244,7 @@ class Client:
     def _check_silence(self) -> None:
         if not self._silent and self._link.greeted and time.monotonic() - self._heard > SILENCE_SECONDS:
             self._silent = True
-            what = "the car keeps its last command" if self.realtime else "time stands still"
+            what = "the car keeps its last command" if self.realtime else "simulated time stops"
             log.warning("the server is connected and has not answered for %.0f s: %s", SILENCE_SECONDS, what)
 
     def _check_patience(self) -> None:

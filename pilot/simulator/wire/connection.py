@@ -306,7 +306,7 @@ class Link:
 
     def _lose(self, error: OSError) -> None:
         if self.greeted:
-            self._say(f"the server is gone ({error}): waiting for it to come back")
+            self._say(f"connection lost ({error}): reconnecting")
         elif error.errno is None:  # not an error of the operating system: the message says more
             self._say(str(error))
         elif not self._said:

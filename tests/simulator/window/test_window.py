@@ -165,7 +165,7 @@ def test_driving_by_hand_as_it_is_recorded(screen: Screen, tmp_path: Path) -> No
         _, errors = process.communicate(timeout=PATIENCE)
     rows = rows_of(folder)
     assert process.returncode == 130
-    assert errors.splitlines()[-3:] == [f"{len(rows)} moments recorded into {folder}", "", "Interrupted."]
+    assert errors.splitlines()[-3:] == [f"{len(rows)} rows recorded in {folder}", "", "Interrupted."]
     check_commands(np.array([row[3:] for row in rows], float))
     check_pictures(rows[0])
 

@@ -3,7 +3,6 @@
 
 const MINUTE = 60; // seconds in the chart
 const TOP = 34; // mph at the chart's upper edge
-const FULL_LOCK = 25; // degrees at steering 1
 const WHEEL_TURN = 4; // angle of the drawn steering wheel relative to that of the front wheels
 const STATES = { waiting: "waiting for the simulator", driving: "driving", manual: "manual driving" };
 
@@ -25,8 +24,8 @@ function show(now) {
   showState(now.state, STATES[now.state]);
   if (now.frame) byId("frame").src = "data:image/jpeg;base64," + now.frame;
   byId("rate").textContent = `${now.frames_per_second.toFixed(1)} frames/s, ${now.milliseconds.toFixed(1)} ms an answer`;
-  byId("steering").textContent = `${now.steering.toFixed(3)} (${(now.steering * FULL_LOCK).toFixed(1)}°)`;
-  byId("wheel").style.transform = `rotate(${now.steering * FULL_LOCK * WHEEL_TURN}deg)`;
+  byId("steering").textContent = `${now.steering.toFixed(3)} (${now.steering_degrees.toFixed(1)}°)`;
+  byId("wheel").style.transform = `rotate(${now.steering_degrees * WHEEL_TURN}deg)`;
   byId("throttle").value = now.throttle;
   byId("throttle-value").textContent = now.throttle.toFixed(2);
   byId("speed").textContent = now.speed.toFixed(1);
