@@ -18,7 +18,6 @@ ASPHALT, EDGE, GROUND = "#d6d6d2", "#77776f", "#eef0e8"
 REASONS = {"off the road": ("X", "#d0021b"), "no progress": ("s", "#7b1fa2")}  # marker and colour
 FAR_OUT = 2.0  # metres; the cross-track error at the end of the colour scale
 MARGIN = 0.7  # metres shown beyond the allowed cross-track errors
-LANE = "the lane's middle"
 JUMP = 2.0  # metres between consecutive positions; at least as much means that the car was put back
 
 
@@ -33,10 +32,10 @@ def draw_trajectories(title: str, track: Track, trajectories: Sequence[Trajector
     return figure
 
 
-def headline(title: str, scores: Scores, place: str = LANE) -> str:
-    """Return the main scores in one line; `place` is the name of the reference line."""
+def headline(title: str, scores: Scores) -> str:
+    """Return the main scores in one line."""
     text = f"{scores.interventions} intervention{'s' * (scores.interventions != 1)}, autonomy {scores.autonomy:.1f} %"
-    return f"{title}: {text}, {scores.cross_track_mean:.2f} m beside {place} on average"
+    return f"{title}: {text}, mean cross-track error {scores.cross_track_mean:.2f} m"
 
 
 def _draw_road(axis: Axes, track: Track) -> None:
@@ -58,14 +57,13 @@ def _closed(points: Floats) -> Floats:
     return np.vstack([points, points[:1]])
 
 
-def draw_paths(figure: Figure, axis: Axes, trajectories: Sequence[Trajectory], place: str = LANE) -> None:
+def draw_paths(figure: Figure, axis: Axes, trajectories: Sequence[Trajectory]) -> None:
     """Draw the paths from above, coloured by absolute cross-track error, and the interventions.
 
     Args:
         figure: receives the colour bar.
         axis: axes of the paths.
         trajectories: at least one.
-        place: name of the reference line in the colour bar's label.
     """
     for trajectory in trajectories:
         segments = np.stack([trajectory.positions[:-1], trajectory.positions[1:]], 1)
@@ -74,7 +72,7 @@ def draw_paths(figure: Figure, axis: Axes, trajectories: Sequence[Trajectory], p
         lines.set_array(np.abs(trajectory.cross_track_errors[1:][continuous]))
         lines.set_clim(0, FAR_OUT)
         axis.add_collection(lines)
-    figure.colorbar(lines, ax=axis, label=f"cross-track error in m ({place})", extend="max", shrink=0.8, pad=0.02)
+    figure.colorbar(lines, ax=axis, label="absolute cross-track error, m", extend="max", shrink=0.8, pad=0.02)
     for reason, (marker, colour) in REASONS.items():
         places = np.array(
             [
@@ -114,7 +112,7 @@ def _draw_cross_track_errors(axis: Axes, track: Track, trajectories: Sequence[Tr
         mark_interventions(axis, place % track.length, trajectory)
     # as seen in the direction of driving: left is up
     axis.set(xlim=(0, track.length), ylim=(highest.max() + MARGIN, lowest.min() - MARGIN))
-    axis.set(xlabel="metres along the lap", ylabel=f"metres beside {LANE}")
+    axis.set(xlabel="metres along the lap", ylabel="cross-track error, m")
     axis.yaxis.set_major_formatter(FuncFormatter(side_of_road))
     axis.set_facecolor(GROUND)
     axis.legend(loc="lower right", fontsize=9)

@@ -14,7 +14,10 @@ from pilot.simulator.scores import Scores
 from pilot.simulator.trajectory import Trajectory
 
 BREAK = 20.0  # metres on the axis between two segments
-PLACES: dict[Reference, str] = {"road": "the recorded driver's usual line", "path": "the driver's smoothed path"}
+REFERENCE_LINES: dict[Reference, str] = {
+    "road": "the recorded driver's usual line",
+    "path": "the driver's smoothed path",
+}
 
 
 def draw_replay(title: str, recording: Replayable, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
@@ -25,9 +28,8 @@ def draw_replay(title: str, recording: Replayable, trajectories: Sequence[Trajec
     """
     figure = Figure((14, 7), layout="constrained")
     axes = figure.subplot_mosaic([["above", "offsets"], ["above", "steering"]], width_ratios=(1, 1.6))
-    place = PLACES[recording.reference]
-    figure.suptitle(headline(title, scores, place), fontsize=12)
-    draw_paths(figure, axes["above"], _side_by_side(trajectories), place)
+    figure.suptitle(headline(title, scores), fontsize=12)
+    draw_paths(figure, axes["above"], _side_by_side(trajectories))
     axes["above"].set(aspect="equal", xlabel="metres, by steering and speed", title="the driven path")
     axes["above"].autoscale_view()
     axes["above"].set_facecolor(GROUND)
@@ -37,7 +39,7 @@ def draw_replay(title: str, recording: Replayable, trajectories: Sequence[Trajec
         _draw_cross_track_errors(axes["offsets"], along, segment, trajectory, LIMITS[recording.reference])
         _draw_steering(axes["steering"], along, segment, trajectory)
         begin = float(along[-1]) + BREAK
-    _finish(axes["offsets"], axes["steering"], f"cross-track error in m ({place})")
+    _finish(axes["offsets"], axes["steering"], f"cross-track error, m (from {REFERENCE_LINES[recording.reference]})")
     return figure
 
 
