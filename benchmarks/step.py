@@ -170,7 +170,7 @@ def operations(name: str, layer: nn.Module, given: Tensor, returned: Tensor, *, 
 
 def print_operations(name: str) -> None:
     """Print the table of operations."""
-    process_settings.for_training(torch.get_num_threads())
+    process_settings.for_training()
     network = build_network(name, 0)
     frames, steering = torch.randint(0, 256, (PICTURES, 160, 320, 3), dtype=torch.uint8), torch.zeros(PICTURES)
     seen: list[tuple[nn.Module, Tensor, Tensor]] = []

@@ -119,7 +119,7 @@ def flop_per_image(name: str) -> float:
 
 def prepare(options: argparse.Namespace, *, cached: bool) -> Training:
     """Return a training on the recording `options.data`; `cached`: read the images from the cache of decoded images."""
-    process_settings.for_images()
+    process_settings.for_training()
     config = replace(
         RECIPES["default"], network=options.network, batch_size=options.batch_size, cache_gb=options.cache_gb
     )
@@ -127,7 +127,7 @@ def prepare(options: argparse.Namespace, *, cached: bool) -> Training:
     rows = read_driving_logs([options.data], cache=cache).rows
     samples = make_samples(rows, config.samples, 0)
     training = Training(config, *samples, cache=cache if cached else FrameCache(cache.rows))
-    process_settings.for_training(training.cores.threads_each)
+    process_settings.use_threads(training.cores.threads_each)
     return training
 
 

@@ -16,17 +16,19 @@ def for_images() -> None:
     cv2.setNumThreads(1)
 
 
-def for_training(threads: int) -> None:
-    """Apply the settings for a process that trains.
-
-    Args:
-        threads: number of PyTorch threads for operations of the main thread. It is limited because OpenMP's worker
-            threads occupy a core for a while after each operation.
-    """
-    import torch  # noqa: PLC0415
-
+def for_training() -> None:
+    """Apply the settings of a process that trains, before it allocates memory or starts threads."""
     for_images()
     _keep_memory()
+
+
+def use_threads(threads: int) -> None:
+    """Set the number of threads of each of PyTorch's operations in the main thread.
+
+    OpenMP's helper threads keep a core busy for some time after each operation.
+    """
+    import torch  # noqa: PLC0415 - the other functions need not wait for it
+
     torch.set_num_threads(threads)
 
 

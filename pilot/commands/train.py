@@ -42,13 +42,13 @@ def run(config: TrainingConfig) -> None:
     from pilot.training.distributed import join_processes
     from pilot.training.session import train
 
-    process_settings.for_images()
+    process_settings.for_training()
     choose_device(config.device)  # an unavailable one is refused before minutes of reading
     with join_processes() as processes:
         if processes.is_main and not config.data:
             record_if_empty(*config.folders)
         processes.barrier()
-        train(config, processes, process_settings.for_training)
+        train(config, processes, process_settings.use_threads)
 
 
 def record_if_empty(folder: Path) -> None:
