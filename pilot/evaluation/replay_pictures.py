@@ -39,7 +39,7 @@ def draw_replay(title: str, recording: Replayable, trajectories: Sequence[Trajec
         _draw_cross_track_errors(axes["offsets"], along, segment, trajectory, LIMITS[recording.reference])
         _draw_steering(axes["steering"], along, segment, trajectory)
         begin = float(along[-1]) + BREAK
-    _finish(axes["offsets"], axes["steering"], f"cross-track error, m (from {REFERENCE_LINES[recording.reference]})")
+    _finish(axes["offsets"], axes["steering"], f"relative to {REFERENCE_LINES[recording.reference]}")
     return figure
 
 
@@ -67,11 +67,11 @@ def _draw_steering(axis: Axes, along: Floats, segment: ReplaySegment, trajectory
     axis.plot(along, trajectory.steering, color="C0", linewidth=1.0)
 
 
-def _finish(offsets: Axes, steering: Axes, result: str) -> None:
+def _finish(offsets: Axes, steering: Axes, title: str) -> None:
     offsets.axhline(0, color="white", linewidth=1.2)
     offsets.invert_yaxis()  # as seen in the direction of driving: left is up
     offsets.yaxis.set_major_formatter(FuncFormatter(side_of_road))
-    offsets.set(xlabel="metres along the recording", ylabel=result)
+    offsets.set(title=title, xlabel="metres along the recording", ylabel="cross-track error, m")
     offsets.set_facecolor(GROUND)
     patches = offsets.collections[:1] + offsets.lines[:2]
     offsets.legend(patches, ["allowed", "the driver", "the model"], loc="lower right", fontsize=9)
