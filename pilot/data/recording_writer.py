@@ -33,7 +33,8 @@ class RecordingWriter:
         self.start = datetime.now()
         self.rows = 0
         (self.folder / "IMG").mkdir(parents=True, exist_ok=True)
-        self._log = (self.folder / LOG_NAME).open("a", encoding="utf-8", newline="")
+        # line by line: a program that is killed leaves no images without their row
+        self._log = (self.folder / LOG_NAME).open("a", encoding="utf-8", newline="", buffering=1)
 
     def write(self, frames: dict[str, Frame], seconds: float, command: tuple[float, float], speed: float) -> None:
         """Write the row of one time step.

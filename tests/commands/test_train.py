@@ -113,7 +113,7 @@ def test_two_processes_train_to_the_same_quality(
     recording(moments=100)
     options = ["--data", "laps", "--epochs", "2", *SMALL]
     train(*options, "--out", "alone.pt")
-    launcher = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node=2", "--master-port=29511"]
+    launcher = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     together = subprocess.run(
         [*launcher, *command(*options)[1:]], cwd=tmp_path, env=environment, capture_output=True, text=True

@@ -105,7 +105,8 @@ def screen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Screen]:
             pytest.skip(f"{tool} is not installed")
     folder = tmp_path_factory.mktemp("screen")
     # not :0, where Panda3D would look for a display if none is named
-    number = next(number for number in range(90, 1000) if not Path(f"/tmp/.X{number}-lock").exists())
+    first = 90 + os.getpid() % 1000  # tests that run at the same time would take the same one
+    number = next(number for number in range(first, 9999) if not Path(f"/tmp/.X{number}-lock").exists())
     with subprocess.Popen(
         [
             "Xvfb",
@@ -156,11 +157,21 @@ def test_driving_by_hand_as_it_is_recorded(screen: Screen, tmp_path: Path) -> No
         screen.do("key", "c")
         wait_for(lambda: np.abs(screen.picture()[260:340, 420:540] - road_ahead).mean() > 15)  # the car is in the way
         screen.do("key", "r")  # the car stands
-        wait_for(lambda: len(list((folder / "IMG").glob("center*"))) > 2)
-        screen.do("keydown", "Up", "sleep", "1.2", "keydown", "Right", "sleep", "0.6", "keyup", "Right", "sleep", "0.6")
-        screen.do("mousemove", "400", "300", "mousedown", "1", "sleep", "0.2")
-        screen.do("mousemove", "280", "300", "sleep", "0.4", "mouseup", "1", "sleep", "0.1")
-        screen.do("keyup", "Up", "sleep", "0.5", "keydown", "s", "sleep", "0.3")
+        wait_for(lambda: len(recorded(folder)) > 2)
+        screen.do("keydown", "Up")
+        wait_for(lambda: np.count_nonzero(recorded(folder)[:, 1]) > 15)
+        screen.do("keydown", "Right")
+        wait_for(lambda: np.count_nonzero(recorded(folder)[:, 0] == 1) > 1)
+        screen.do("keyup", "Right")
+        wait_for(lambda: recorded(folder)[-1, 0] == 0)
+        screen.do("mousemove", "400", "300", "mousedown", "1", "sleep", "0.2", "mousemove", "280", "300")
+        wait_for(lambda: np.count_nonzero(is_left(recorded(folder)[:, 0])) > 2)
+        screen.do("mouseup", "1")
+        wait_for(lambda: recorded(folder)[-1, 0] == 0)
+        screen.do("keyup", "Up")
+        wait_for(lambda: recorded(folder)[-1, 1] == 0)
+        screen.do("keydown", "s")
+        wait_for(lambda: recorded(folder)[-1, 2] == 1)
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=PATIENCE)
     rows = rows_of(folder)
@@ -170,9 +181,20 @@ def test_driving_by_hand_as_it_is_recorded(screen: Screen, tmp_path: Path) -> No
     check_pictures(rows[0])
 
 
+def recorded(folder: Path) -> np.ndarray:
+    """Steering, throttle, brake and speed of the rows so far: n x 4."""
+    log = folder / "driving_log.csv"
+    lines = log.read_text().splitlines(keepends=True) if log.exists() else []
+    return np.array([line.split(",")[3:] for line in lines if line.endswith("\n")], float).reshape(-1, 4)
+
+
+def is_left(steering: np.ndarray) -> np.ndarray:
+    """Where the mouse steers: dragged by an eighth of the window's width."""
+    return np.isclose(steering, -0.5, atol=0.01)
+
+
 def check_commands(numbers: np.ndarray) -> None:
     steering, throttle, brake, speed = numbers.T
-    assert 45 <= len(numbers) <= 120
     assert steering[0] == throttle[0] == brake[0] == speed[0] == 0
     pressed = np.flatnonzero(throttle)
     assert set(throttle) == set(brake) == {0, 1}
@@ -181,9 +203,7 @@ def check_commands(numbers: np.ndarray) -> None:
     assert np.all(brake[: pressed[-1]] == 0)
     assert brake[-1] == 1
     right = np.flatnonzero(steering == 1)
-    left = np.flatnonzero(np.isclose(steering, -0.5, atol=0.01))
-    assert 1 < len(right) < 15
-    assert 2 < len(left) < 15
+    left = np.flatnonzero(is_left(steering))
     assert pressed[0] < right[0] < right[-1] < left[0] < pressed[-1]
     by_keys = steering[: right[-1] + 6]
     assert np.abs(np.diff(by_keys)).max() < 0.201  # four ticks at most lie between two rows
