@@ -227,7 +227,7 @@ def multiply(data: Path, folder: Path, copies: int) -> None:
         move = functools.partial(re.sub, r"_20\d\d_", f"_{2000 + copy}_")
         (images.parent / LOG_NAME).write_text(move(log), encoding="utf-8")
         for picture in (data / "IMG").iterdir():
-            (images / move(picture.name)).symlink_to(picture.resolve())
+            (images / move(picture.name)).hardlink_to(picture)
 
 
 @contextlib.contextmanager

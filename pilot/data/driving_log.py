@@ -17,6 +17,7 @@ from pilot.data.log_format import LOG_NAME, NUMBERS, LogLine, parse_log, time_of
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import CAMERAS
 
+FOREIGN = "\0"  # no path contains it
 SECONDS_PER_ROW = 0.1  # assumed where the names of the images contain no time
 
 
@@ -138,9 +139,25 @@ def _read_log(log: Path, recording: int) -> tuple[pd.DataFrame, Counter[str]]:
 
 
 def _images_beside(log: Path) -> dict[str, str]:
-    """Return the paths of the files in IMG/ and in the log's own folder, by their names in lower case."""
+    """Return the paths of the files in IMG/ and in the log's own folder, by their names in lower case.
+
+    Recordings may come from strangers: a link to a file outside the recording is replaced by `FOREIGN`.
+    """
     folders = [log.parent, *(entry for entry in log.parent.iterdir() if entry.is_dir() and entry.name.lower() == "img")]
-    return {name.lower(): str(folder / name) for folder in folders for name in os.listdir(folder)}
+    root = os.path.realpath(log.parent)
+    images = {}
+    for folder in folders:
+        linked = not _is_within(folder, root)
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                foreign = linked or (entry.is_symlink() and not _is_within(entry.path, root))
+                images[entry.name.lower()] = FOREIGN if foreign else entry.path
+    return images
+
+
+def _is_within(path: Path | str, root: str) -> bool:
+    real = os.path.realpath(path)
+    return real == root or real.startswith(root + os.sep)
 
 
 def _row_fault(line: LogLine, expected: int, images: dict[str, str]) -> str | None:
@@ -154,11 +171,13 @@ def _row_fault(line: LogLine, expected: int, images: dict[str, str]) -> str | No
         return "steering outside -1..1"
     if line.images.get("center", "").lower() not in images:
         return "image missing"
+    if images[line.images["center"].lower()] == FOREIGN:
+        return "image linked from elsewhere"
     return None
 
 
 def _row(line: LogLine, images: dict[str, str], recording: int) -> dict[str, object]:
-    paths = {camera: images.get(line.images.get(camera, "").lower(), "") for camera in CAMERAS}
+    paths = {camera: images.get(line.images.get(camera, "").lower(), "").replace(FOREIGN, "") for camera in CAMERAS}
     numbers = {name: _number(line.values.get(name, "")) for name in NUMBERS}
     time = time_of(line.images["center"])
     return {"recording": recording, "line": line.number, "time": time, **paths, **numbers}

@@ -1,5 +1,7 @@
 """Decoding, checking and encoding of camera frames."""
 
+import os
+import stat
 from pathlib import Path
 
 import cv2
@@ -7,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pilot.arrays import Frame
+from pilot.data.image_header import is_decodable
 from pilot.vehicle import COLUMNS, ROWS
 
-JPEG_START, JPEG_END = b"\xff\xd8", b"\xff\xd9"
+LARGEST_FILE = 1 << 25  # bytes of an image file; the simulator's have 20,000
 
 
 class UnreadableImage(ValueError):
@@ -28,7 +31,7 @@ def read_frame(path: Path | str) -> Frame:
     """Read an image file as a 160x320x3 uint8 RGB frame; images of other sizes are scaled.
 
     Raises:
-        UnreadableImage: the file is missing, empty, truncated or not an image.
+        UnreadableImage: the file is missing, empty, truncated, too large, or not a JPEG or PNG image.
     """
     return _to_size(read_frame_as_is(path))
 
@@ -37,9 +40,14 @@ def read_frame_as_is(path: Path | str) -> Frame:
     """Read an image file as rows x columns x 3 uint8 RGB, without scaling.
 
     Raises:
-        UnreadableImage: the file is missing, empty, truncated or not an image.
+        UnreadableImage: the file is missing, empty, truncated, too large, or not a JPEG or PNG image.
     """
     try:
+        status = os.stat(path)
+        if not stat.S_ISREG(status.st_mode):  # reading a pipe would wait for ever
+            raise UnreadableImage(path, "image is not a regular file")
+        if status.st_size > LARGEST_FILE:
+            raise UnreadableImage(path, "image too large")
         data = np.fromfile(path, np.uint8)  # not cv2.imread: it fails on non-ASCII paths on Windows
     except OSError as error:
         raise UnreadableImage(path, "image missing") from error
@@ -58,8 +66,7 @@ def decode_frame(data: NDArray[np.uint8]) -> Frame | None:
 
 
 def _decode(data: NDArray[np.uint8]) -> Frame | None:
-    start, end = data[:2].tobytes(), data[-64:].tobytes()
-    if start == JPEG_START and JPEG_END not in end:  # OpenCV would fill the missing part with grey
+    if not is_decodable(data.tobytes()):
         return None
     try:
         image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)

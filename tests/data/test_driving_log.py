@@ -178,3 +178,34 @@ def test_nothing_usable_is_an_error_with_file_and_cure(tmp_path: Path, content: 
 def test_an_empty_folder_says_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(NoUsableData, match="no driving_log.csv in it or below. Record laps"):
         read_driving_logs([tmp_path])
+
+
+def test_links_may_lead_to_files_of_the_recording_only(recording: Recording, tmp_path: Path) -> None:
+    folder = recording(moments=12)
+    images = folder / "IMG"
+    outside = tmp_path / "holiday.jpg"
+    write_picture(outside, picture(0))
+    for moment, target in ((3, outside), (4, images / f"center_{stamp(5)}.jpg")):
+        link = images / f"center_{stamp(moment)}.jpg"
+        link.unlink()
+        link.symlink_to(target)
+    log = read_driving_logs([folder])
+    assert log.left_out[0] == {"image linked from elsewhere": 1}
+    assert len(log.rows) == 11
+
+
+def test_a_folder_of_images_may_not_be_a_link_to_elsewhere(recording: Recording, tmp_path: Path) -> None:
+    folder = recording(moments=12)
+    (folder / "IMG").rename(tmp_path / "elsewhere")
+    (folder / "IMG").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(NoUsableData, match=r"image linked from elsewhere \(12\)"):
+        read_driving_logs([folder])
+
+
+def test_images_that_would_fill_the_memory_are_left_out(recording: Recording) -> None:
+    folder = recording(moments=12)
+    bomb = bytearray((folder / "IMG" / f"center_{stamp(2)}.jpg").read_bytes())
+    at = bomb.index(b"\xff\xc0") + 5
+    bomb[at : at + 4] = b"\xf0\x00\xf0\x00"
+    (folder / "IMG" / f"center_{stamp(2)}.jpg").write_bytes(bomb)
+    assert read_driving_logs([folder]).left_out[0] == {"image corrupt": 1}

@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 
 import cv2
@@ -30,3 +31,17 @@ def test_a_cut_off_picture_is_damaged_not_half_grey() -> None:
     data = cv2.imencode(".jpg", picture(0))[1]
     assert decode_frame(data) is not None
     assert decode_frame(data[: len(data) // 2]) is None
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes here")
+def test_a_pipe_is_refused_instead_of_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "center.jpg")
+    with pytest.raises(UnreadableImage, match="image is not a regular file"):
+        read_frame(tmp_path / "center.jpg")
+
+
+def test_a_file_too_large_for_an_image_is_not_read(tmp_path: Path) -> None:
+    with (tmp_path / "center.jpg").open("wb") as file:
+        file.truncate(1 << 40)  # sparse
+    with pytest.raises(UnreadableImage, match="image too large"):
+        read_frame(tmp_path / "center.jpg")
