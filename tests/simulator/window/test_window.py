@@ -164,7 +164,10 @@ def test_driving_by_hand_as_it_is_recorded(screen: Screen, tmp_path: Path) -> No
         wait_for(lambda: np.count_nonzero(recorded(folder)[:, 0] == 1) > 1)
         screen.do("keyup", "Right")
         wait_for(lambda: recorded(folder)[-1, 0] == 0)
-        screen.do("mousemove", "400", "300", "mousedown", "1", "sleep", "0.2", "mousemove", "280", "300")
+        screen.do("mousemove", "400", "300", "mousedown", "1")
+        pressed_at = len(recorded(folder))
+        wait_for(lambda: len(recorded(folder)) > pressed_at + 2)  # the window has seen where the drag begins
+        screen.do("mousemove", "280", "300")
         wait_for(lambda: np.count_nonzero(is_left(recorded(folder)[:, 0])) > 2)
         screen.do("mouseup", "1")
         wait_for(lambda: recorded(folder)[-1, 0] == 0)
