@@ -103,9 +103,11 @@ def parse_options(arguments: Sequence[str]) -> TrainingConfig:
 def _resumed_options(arguments: Sequence[str], out: Path) -> TrainingConfig:
     from pilot.model.checkpoint import load_values
     from pilot.training.session import STATE
+    from pilot.training.trainer import STATE_FORMAT
 
     state = load_values(
         dataclasses.replace(TrainingConfig(), out=out).report / STATE,
+        STATE_FORMAT,
         "there is no interrupted training to resume; start one without --resume",
     )
     saved = config_from_jsonable(state["config"])

@@ -27,7 +27,7 @@ from pilot.training.report import (
     draw_samples,
     validate_model,
 )
-from pilot.training.trainer import Training
+from pilot.training.trainer import STATE_FORMAT, Training
 
 STATE = "state.pt"
 LOWEST_ERROR = "lowest_error.pt"
@@ -124,7 +124,7 @@ def _prepare_state(config: TrainingConfig, training: Training) -> None:
     """Restore the state to resume; otherwise rename the state of an earlier unfinished training, if there is one."""
     state = config.report / STATE
     if config.resume:
-        training.restore(load_values(state, "start anew without --resume"))
+        training.restore(load_values(state, STATE_FORMAT, "start anew without --resume"))
     elif training.processes.is_main and state.exists():
         state.replace(state.with_name("previous_state.pt"))
 

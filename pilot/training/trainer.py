@@ -23,10 +23,9 @@ from pilot.data.batches import Batch, BatchLoader, MicroBatch
 from pilot.data.device_augment import augment
 from pilot.data.frame_cache import FrameCache
 from pilot.driving.driver import DrivingCheck
-from pilot.files import write_atomically
 from pilot.interrupt import Interrupt, catch_interrupt
 from pilot.model.build import build_network
-from pilot.model.checkpoint import UnusableModel, load_model, to_jsonable
+from pilot.model.checkpoint import UnusableModel, load_model, save_values, to_jsonable
 from pilot.model.steering_network import SteeringNetwork
 from pilot.progress import ProgressBar
 from pilot.training.config import TrainingConfig
@@ -35,6 +34,7 @@ from pilot.training.distributed import Processes
 from pilot.training.metrics import Agreement, agreement
 from pilot.training.optimisation import learning_rate, losses, make_optimiser, make_scheduler
 
+STATE_FORMAT = "behavioral-cloning training state"
 SAVE_SECONDS = 120  # between saved states; at most this much work is lost in a power failure
 
 
@@ -276,6 +276,7 @@ class Training:
     def state(self) -> dict[str, Any]:
         """Return the state that `restore` needs, as tensors and plain values."""
         return {
+            "format": STATE_FORMAT,
             "config": to_jsonable(self.config),
             "fingerprint": fingerprint(self.training),
             "epoch": self.epoch,
@@ -307,8 +308,7 @@ class Training:
 
     def _save(self, state_file: Path | None) -> None:
         if state_file and self.processes.is_main:
-            state = self.state()
-            write_atomically(state_file, lambda file: torch.save(state, file))
+            save_values(state_file, self.state())
         self._saved = time.monotonic()
 
     def _scheduler(self) -> LambdaLR:
