@@ -49,12 +49,14 @@ def browser(server: Server) -> Iterator[webdriver.Chrome]:
     browser.quit()
 
 
-def wait_for(browser: webdriver.Chrome, condition: str, client: WireClient | None = None, speed: str = "17.5") -> None:
+def wait_for(
+    browser: webdriver.Chrome, condition: str, client: WireClient | None = None, *, manual: bool = False
+) -> None:
     """Drive on until a condition holds on the page."""
 
     def holds(_browser: webdriver.Chrome) -> bool:
         if client:
-            steers(client, telemetry(IMAGE, speed=speed))
+            steers(client, None if manual else telemetry(IMAGE, speed="17.5"))
         return browser.execute_script(f"return {condition}")
 
     WebDriverWait(browser, 15, poll_frequency=0.05).until(holds)
@@ -78,8 +80,7 @@ def test_shows_a_drive_from_waiting_to_manual(server: Server, browser: webdriver
         before = browser.execute_script("return document.getElementById('frame').src")
         browser.find_element(By.ID, "saliency").click()
         wait_for(browser, f"![{before!r}, ''].includes(document.getElementById('frame').src)", client)
-        steers(client, None)
-        wait_for(browser, "document.getElementById('state').textContent === 'manual driving'")
+        wait_for(browser, "document.getElementById('state').textContent === 'manual driving'", client, manual=True)
     wait_for(browser, "document.getElementById('state').textContent === 'waiting for the simulator'")
 
 

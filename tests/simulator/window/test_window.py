@@ -1,5 +1,6 @@
 """The window on a virtual display, driven by real key presses."""
 
+import contextlib
 import csv
 import logging
 import os
@@ -89,7 +90,7 @@ class Screen:
             stderr=subprocess.PIPE,
             text=True,
         ) as process:
-            impatience = threading.Timer(PATIENCE, process.kill)
+            impatience = threading.Timer(10 * PATIENCE, process.kill)  # each step has its own limit
             impatience.start()
             try:
                 yield process
@@ -131,8 +132,8 @@ def screen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Screen]:
             server.terminate()
 
 
-def wait_for(true: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + PATIENCE
+def wait_for(true: Callable[[], bool], seconds: float = PATIENCE) -> None:
+    deadline = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < deadline
         time.sleep(0.05)
@@ -164,11 +165,7 @@ def test_driving_by_hand_as_it_is_recorded(screen: Screen, tmp_path: Path) -> No
         wait_for(lambda: np.count_nonzero(recorded(folder)[:, 0] == 1) > 1)
         screen.do("keyup", "Right")
         wait_for(lambda: recorded(folder)[-1, 0] == 0)
-        screen.do("mousemove", "400", "300", "mousedown", "1")
-        pressed_at = len(recorded(folder))
-        wait_for(lambda: len(recorded(folder)) > pressed_at + 2)  # the window has seen where the drag begins
-        screen.do("mousemove", "280", "300")
-        wait_for(lambda: np.count_nonzero(is_left(recorded(folder)[:, 0])) > 2)
+        drag_left(screen, folder)
         screen.do("mouseup", "1")
         wait_for(lambda: recorded(folder)[-1, 0] == 0)
         screen.do("keyup", "Up")
@@ -189,6 +186,17 @@ def recorded(folder: Path) -> np.ndarray:
     log = folder / "driving_log.csv"
     lines = log.read_text().splitlines(keepends=True) if log.exists() else []
     return np.array([line.split(",")[3:] for line in lines if line.endswith("\n")], float).reshape(-1, 4)
+
+
+def drag_left(screen: Screen, folder: Path) -> None:
+    """Drag the mouse, slower if the window draws so seldom that it sees only the drag's end."""
+    for pause in ("0.2", "1", "4", "10"):
+        screen.do("mouseup", "1", "mousemove", "400", "300", "sleep", pause, "mousedown", "1", "sleep", pause)
+        screen.do("mousemove", "280", "300", "sleep", pause)
+        with contextlib.suppress(AssertionError):
+            wait_for(lambda: np.count_nonzero(is_left(recorded(folder)[:, 0])) > 2, seconds=3)
+            return
+    pytest.fail("the mouse did not steer")
 
 
 def is_left(steering: np.ndarray) -> np.ndarray:
