@@ -67,12 +67,12 @@ def serve(config: ServeConfig) -> None:
     process_settings.for_serving()
     # imported here, so that --help and invalid options do not wait for PyTorch
     from pilot.driving.autopilot import Autopilot, FrameClock
+    from pilot.driving.connections import listen
     from pilot.driving.dashboard.page import create_page
     from pilot.driving.dashboard.state import DriveState
     from pilot.driving.driver import Driver
     from pilot.driving.recorder import Recorder
     from pilot.driving.server import DriveServer, check_versions
-    from pilot.driving.websocket import listen
 
     check_versions()
     process_settings.for_driving()
@@ -90,7 +90,7 @@ def serve(config: ServeConfig) -> None:
         flush=True,
     )
     try:
-        server.serve(listener, create_page(state, driver.model))
+        server.serve(listener, create_page(state, driver.model), config.host)
     finally:
         if recorder:
             recorder.close()

@@ -128,19 +128,19 @@ class FrameClock:
 
 
 class Warnings:
-    """Logs warnings, each kind at most once per second, with the number of those suppressed since."""
+    """Logs messages, each kind at most once per second, with the number of those suppressed since."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self.clock = clock
         self._last: dict[str, float] = {}
         self._suppressed: Counter[str] = Counter()
 
-    def warn(self, kind: str, detail: object) -> None:
-        """Log a warning, or count it if one of the same kind was logged less than 1 s ago."""
+    def warn(self, kind: str, detail: object, *, level: int = logging.WARNING) -> None:
+        """Log a message, or count it if one of the same kind was logged less than 1 s ago."""
         now = self.clock()
         if now - self._last.get(kind, float("-inf")) < 1.0:
             self._suppressed[kind] += 1
             return
         more = self._suppressed.pop(kind, 0)
-        log.warning("%s: %s%s", kind, detail, f" ({more} more of these)" if more else "")
+        log.log(level, "%s: %s%s", kind, detail, f" ({more} more of these)" if more else "")
         self._last[kind] = now

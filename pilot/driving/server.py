@@ -15,7 +15,9 @@ import eventlet.wsgi
 import socketio
 
 from pilot.driving.autopilot import Answer, Autopilot
-from pilot.driving.websocket import UNKNOWN, PromptSocket, PromptWebSocketWSGI, TolerantJson
+from pilot.driving.connections import REQUEST_SECONDS, Connections, PromptSocket
+from pilot.driving.gate import Gate, connection_of
+from pilot.driving.websocket import UNKNOWN, BoundedQueue, PromptWebSocketWSGI, TolerantJson
 from pilot.interrupt import catch_interrupt
 
 log = logging.getLogger("pilot")
@@ -63,11 +65,12 @@ class DriveServer:
         self._last_telemetry = 0.0
         self._resend_after = RESEND_SECONDS
         self._warned: set[str] = set()
+        self._connections: dict[str, PromptSocket] = {}  # by Engine.IO's id
         # async_handlers=False: each telemetry message is answered before the next one is read
         self.socketio = socketio.Server(
             async_mode="eventlet", async_handlers=False, json=TolerantJson, ping_interval=(PING_SECONDS, PING_GRACE)
         )
-        self.socketio.eio._async["websocket"] = PromptWebSocketWSGI
+        self.socketio.eio._async |= {"websocket": PromptWebSocketWSGI, "queue": BoundedQueue}
         for name, handler in {
             "connect": self._connect,
             "disconnect": self._disconnect,
@@ -76,20 +79,24 @@ class DriveServer:
         }.items():
             self.socketio.on(name, handler)
 
-    def serve(self, listener: PromptSocket, page: Callable[..., Any] | None = None) -> None:
+    def serve(self, listener: PromptSocket, page: Callable[..., Any] | None = None, host: str = "127.0.0.1") -> None:
         """Serve until interrupted.
 
         Args:
             listener: listening socket to which the simulator connects.
             page: WSGI application for all other requests.
+            host: address or name to which the listener is bound.
 
         Raises:
             KeyboardInterrupt: on Ctrl-C or SIGTERM.
         """
-        application = socketio.WSGIApp(self.socketio, page)
+        listener.connections = connections = Connections()
+        gate = Gate(socketio.WSGIApp(self.socketio, page), host, self.autopilot.warnings.warn)
         tasks = [
-            eventlet.spawn(eventlet.wsgi.server, listener, application, log_output=False, debug=False),
+            eventlet.spawn(connections.turns.run),
+            eventlet.spawn(self._accept, listener, gate),
             eventlet.spawn(self._watch),
+            eventlet.spawn(self._clean, connections),
         ]
         # a flag, because a bare `except:` in Engine.IO would swallow a KeyboardInterrupt
         with catch_interrupt() as interrupt:
@@ -100,13 +107,32 @@ class DriveServer:
                 task.wait()  # raises the task's exception
         interrupt.raise_if_asked()
 
-    def _connect(self, connection: str, _environment: dict[str, Any]) -> None:
+    def _accept(self, listener: PromptSocket, gate: Gate) -> None:
+        eventlet.wsgi.server(
+            listener, gate, keepalive=False, socket_timeout=REQUEST_SECONDS, log_output=False, debug=False
+        )
+
+    def _clean(self, connections: Connections) -> None:
+        """Close connections that are overdue, and what Engine.IO keeps of handshakes that failed."""
+        while True:
+            eventlet.sleep(1.0)
+            connections.close_overdue()
+            for name, client in list(self.socketio.eio.sockets.items()):
+                if client.closed or (not client.connected and time.time() - client.last_ping > REQUEST_SECONDS):
+                    client.close(wait=False, abort=True)
+                    self.socketio.eio.sockets.pop(name, None)
+
+    def _connect(self, connection: str, environment: dict[str, Any]) -> None:
         # no "steer" here: it would only add a third telemetry in flight, which increases the latency
-        log.info("simulator connected (%s)", connection[:6])
+        client = connection_of(environment)
+        if client is not None:
+            self._connections[connection] = client
+        self.autopilot.warnings.warn("simulator connected", connection[:6], level=logging.INFO)
 
     def _disconnect(self, connection: str) -> None:
-        log.info("simulator disconnected (%s)", connection[:6])
+        self.autopilot.warnings.warn("simulator disconnected", connection[:6], level=logging.INFO)
         self._warned.discard(connection)
+        self._connections.pop(connection, None)
         if connection == self.car:
             self._release()
 
@@ -135,17 +161,23 @@ class DriveServer:
             log.warning("the car (%s) sends no telemetry; another one takes over", self.car[:6])
             self._release()
         if self.car is None:
-            self.car = connection
+            self._take(connection)
         if connection != self.car and connection not in self._warned:
             self._warned.add(connection)
-            log.warning(
-                "a second simulator (%s) connected: one car at a time is driven, this one is not. "
-                "Quit the other simulator first",
+            self.autopilot.warnings.warn(
+                "a second simulator connected: one car at a time is driven, this one is not. Quit the other one first",
                 connection[:6],
             )
         return connection == self.car
 
+    def _take(self, connection: str) -> None:
+        self.car = connection
+        if connection in self._connections:
+            self._connections[connection].driven = True
+
     def _release(self) -> None:
+        if self.car in self._connections:
+            self._connections[self.car].driven = False
         self.car = None
         self.autopilot.reset()
 

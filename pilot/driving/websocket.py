@@ -8,44 +8,19 @@ that it does not know.
 
 import contextlib
 import json
-import socket
+import time
 from typing import Any
 
 import numpy as np
 from engineio.async_drivers.eventlet import WebSocketWSGI
-from eventlet.greenio import GreenSocket
+from eventlet.queue import Queue
 from eventlet.websocket import FailedConnectionError, RFC6455WebSocket
 
-LARGEST_MESSAGE = 4 << 20  # bytes; a telemetry message has about 20,000
-READ_SIZE = 1 << 16
-QUICK_ACK = getattr(socket, "TCP_QUICKACK", None)  # Linux only
+from pilot.driving.connections import SILENT_SECONDS, PromptSocket
+
+LARGEST_MESSAGE = 1 << 18  # bytes; a telemetry message has about 20,000, with a lossless image 150,000
+LONGEST_QUEUE = 100  # packets that wait until a client reads them
 UNKNOWN = "unknown"  # name of the event that replaces every unknown packet
-
-
-class PromptSocket(GreenSocket):  # type: ignore[misc]
-    """A green socket with read-ahead and immediate acknowledgements; a listening one accepts such sockets."""
-
-    _ahead = b""
-
-    def accept(self) -> tuple["PromptSocket", Any]:
-        """Accept a connection, with TCP_NODELAY so that small messages are sent at once."""
-        client, address = super().accept()
-        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        return client, address
-
-    def recv(self, size: int, flags: int = 0) -> bytes:
-        """Return up to `size` bytes; b"" at the end of the stream."""
-        if not self._ahead:
-            self._ahead = super().recv(READ_SIZE, flags)
-            self._acknowledge()
-        data, self._ahead = self._ahead[:size], self._ahead[size:]
-        return data
-
-    def _acknowledge(self) -> None:
-        """Set TCP_QUICKACK; necessary after every read, because Linux resets it."""
-        if QUICK_ACK is not None:
-            with contextlib.suppress(OSError):
-                self.setsockopt(socket.IPPROTO_TCP, QUICK_ACK, 1)
 
 
 class PromptWebSocket(RFC6455WebSocket):  # type: ignore[misc]
@@ -76,6 +51,8 @@ class PromptWebSocket(RFC6455WebSocket):  # type: ignore[misc]
     def wait(self) -> str | None:
         """Return the next packet, passed through `replace_unknown`; None at the end of the connection."""
         packet = super().wait()
+        if isinstance(self.socket, PromptSocket):
+            self.socket.deadline = time.monotonic() + SILENT_SECONDS
         return None if packet is None else replace_unknown(packet)
 
 
@@ -85,6 +62,15 @@ def replace_unknown(packet: str | bytes) -> str:
         return packet
     what = packet[:40] if isinstance(packet, str) else f"{len(packet)} bytes"
     return f"42{json.dumps([UNKNOWN, what])}"
+
+
+class BoundedQueue(Queue):  # type: ignore[misc]
+    """Queue of Engine.IO packets, which drops those for a client that does not read them."""
+
+    def put(self, item: Any, block: bool = True, timeout: float | None = None) -> None:
+        """Add a packet, or None: the end."""
+        if item is None or self.qsize() < LONGEST_QUEUE:
+            super().put(item, block, timeout)
 
 
 class TolerantJson:
@@ -112,26 +98,12 @@ class PromptWebSocketWSGI(WebSocketWSGI):  # type: ignore[misc]
     """Engine.IO's WebSocket application with `PromptWebSocket` as its socket."""
 
     def _handle_hybi_request(self, environ: dict[str, Any]) -> PromptWebSocket:
+        environ.pop("HTTP_SEC_WEBSOCKET_EXTENSIONS", None)  # no compression: small messages could become large
         plain = super()._handle_hybi_request(environ)
         return PromptWebSocket(
             plain.socket,
             environ,
             plain.version,
             protocol=plain.protocol,
-            extensions=plain.extensions,
             max_frame_length=LARGEST_MESSAGE,
         )
-
-
-def listen(host: str, port: int) -> PromptSocket:
-    """Return a socket that listens on a port exclusively.
-
-    Raises:
-        OSError: the port is in use, or the address is not this computer's; the message says what to do.
-    """
-    # not eventlet.listen: it sets SO_REUSEPORT, with which two servers would silently share the port
-    try:
-        return PromptSocket(socket.create_server((host, port), backlog=16))
-    except OSError as error:
-        cure = "stop the other program (another drive.py?), or take another --port, which the simulator must then know"
-        raise OSError(f"cannot listen on {host}:{port} ({error.strerror or error}): {cure}") from error

@@ -505,7 +505,7 @@ import logging, sys
 from pilot.driving.autopilot import Autopilot
 from pilot.driving.controller import ControllerConfig
 from pilot.driving.server import DriveServer
-from pilot.driving.websocket import listen
+from pilot.driving.connections import listen
 logging.basicConfig(stream=sys.stdout)
 logging.getLogger("pilot").setLevel(logging.INFO)
 from pilot import cli
