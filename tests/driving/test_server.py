@@ -388,4 +388,6 @@ def test_the_set_speed_is_changed_on_the_page(server: Server) -> None:
         assert float(steers(client, telemetry(IMAGE, speed="5"))[1]["throttle"]) > 0
     assert [post(b'{"mph": 31}'), post(b'{"mph": "x"}'), post(b"nonsense")] == [400] * 3
     assert post(b'{"mph": 9}', "text/plain") == 400
+    odd = [b'{"mph": true}', b'{"mph": NaN}', b'{"mph": 1e999}', b'[{"mph": 9}]', b'"mph"', b"9", b"[" * 1000, b"\xff"]
+    assert [post(body) for body in odd] == [400] * len(odd)
     assert post(b'{"mph": 20}') == 200
