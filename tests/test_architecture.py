@@ -53,4 +53,6 @@ def test_tests_lie_as_the_package_lies() -> None:
     tests = Path(__file__).parent
     for file in tests.rglob("test_*.py"):
         folder = file.parent.relative_to(tests)
+        if folder == Path("hostile"):  # attacks on the whole program
+            continue
         assert (PACKAGE / folder).is_dir(), f"{file}: there is no pilot/{folder}"

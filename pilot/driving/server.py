@@ -49,6 +49,13 @@ def check_versions() -> None:
         )
 
 
+class QuietProtocol(eventlet.wsgi.HttpProtocol):  # type: ignore[misc]
+    """HTTP without messages about malformed requests, whose content would appear in the terminal."""
+
+    def log_message(self, *_arguments: object) -> None:
+        """Print nothing."""
+
+
 class DriveServer:
     """Server that answers the telemetry of one simulator at a time.
 
@@ -109,7 +116,13 @@ class DriveServer:
 
     def _accept(self, listener: PromptSocket, gate: Gate) -> None:
         eventlet.wsgi.server(
-            listener, gate, keepalive=False, socket_timeout=REQUEST_SECONDS, log_output=False, debug=False
+            listener,
+            gate,
+            protocol=QuietProtocol,
+            keepalive=False,
+            socket_timeout=REQUEST_SECONDS,
+            log_output=False,
+            debug=False,
         )
 
     def _clean(self, connections: Connections) -> None:

@@ -8,7 +8,7 @@ from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
-from test_server import IMAGE, Server, driven, steers
+from serving import IMAGE, Server, driven, steers
 from wire import WireClient, telemetry
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")

@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-import signal
 import subprocess
 import sys
 import time
@@ -13,65 +12,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conftest import REPOSITORY, picture
+from conftest import REPOSITORY
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
+from serving import IMAGE, MESSAGE, Server, driven, steers
 from wire import WireClient, drive, free_port, telemetry
 
 from pilot.data.driving_log import read_driving_logs
-from pilot.data.frames import encode_frame
-from pilot.model.build import build_network
-from pilot.model.checkpoint import Model, save_model
-
-IMAGE = encode_frame(picture(0.2))
-MESSAGE = "42" + json.dumps(["telemetry", telemetry(IMAGE)])
-
-
-class Server:
-    """drive.py in a process of its own."""
-
-    def __init__(self, folder: Path, *arguments: str) -> None:
-        self.folder, self.port = folder, free_port()
-        save_model(folder / "model.pt", Model("pilotnet", build_network("pilotnet", 1), {}, {}, {}))
-        self.log = (folder / "drive.log").open("w+")
-        command = [sys.executable, "-u", str(REPOSITORY / "drive.py"), "model.pt", *arguments, "--port", str(self.port)]
-        self.process = subprocess.Popen(command, cwd=folder, stdout=self.log, stderr=subprocess.STDOUT)
-        try:
-            self.wait_for("is ready")
-        except AssertionError:
-            self.stop(signal.SIGKILL)
-            raise
-
-    def client(self) -> WireClient:
-        client = WireClient(self.port)
-        client.connect()
-        return client
-
-    def free_client(self) -> WireClient:
-        """A client that is the car: the one before is gone."""
-        client = self.client()
-        driven(client)
-        return client
-
-    def text(self) -> str:
-        return (self.folder / "drive.log").read_text()
-
-    def wait_for(self, words: str, seconds: float = 60) -> None:
-        deadline = time.monotonic() + seconds
-        while words not in self.text():
-            assert self.process.poll() is None, self.text()
-            assert time.monotonic() < deadline, self.text()
-            time.sleep(0.02)
-
-    def memory(self) -> int:
-        """Resident memory in KB."""
-        return int(re.search(r"VmRSS:\s+(\d+)", Path(f"/proc/{self.process.pid}/status").read_text())[1])
-
-    def stop(self, how: int = signal.SIGINT) -> int:
-        self.process.send_signal(how)
-        code = self.process.wait(10)
-        self.log.close()
-        return code
 
 
 @pytest.fixture(scope="module")
@@ -80,11 +27,6 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     yield server
     assert "Traceback" not in server.text()
     assert server.stop() == 130
-
-
-def steers(client: WireClient, message: dict[str, object] | None) -> tuple[str, dict[str, str]]:
-    client.event("telemetry", message)
-    return client.answer()
 
 
 def test_greets_as_the_transcript_has_it_and_waits_for_the_car(server: Server) -> None:
@@ -313,16 +255,6 @@ def test_after_any_messages_the_next_good_telemetry_is_answered(
         name, argument = driven(client)
         assert name == "steer"
         assert all(-1 <= float(text.replace(",", ".")) <= 1 for text in argument.values())
-
-
-def driven(client: WireClient) -> tuple[str, dict[str, str]]:
-    """The answer to a good telemetry, once the server has noticed that the car before is gone."""
-    for _ in range(100):
-        answer = steers(client, telemetry(IMAGE))
-        if answer[0] == "steer":
-            break
-        time.sleep(0.01)
-    return answer
 
 
 def test_memory_stays_flat_under_hostile_messages(server: Server) -> None:
