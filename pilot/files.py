@@ -1,10 +1,19 @@
-"""Atomic writing of files: a failure never destroys the previous content."""
+"""Atomic writing of files, and locks: neither a failure nor a second program destroys what is there."""
 
+import errno
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
+
+from filelock import FileLock, Timeout
+
+WITHOUT_LOCKS = {errno.ENOLCK, errno.EOPNOTSUPP}  # some network drives
+
+
+class InUseError(RuntimeError):
+    """Another program is using what was asked for; the message names it and what to do."""
 
 
 def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
@@ -39,3 +48,36 @@ def move_when_done(path: Path) -> Iterator[Path]:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def sole_use(lock: Path, refusal: str) -> Iterator[None]:
+    """Keep other programs out of the block that use the same lock file; it is removed at the end.
+
+    The operating system holds the lock: that of a program that crashes or is killed ends with it, and the file that is
+    left behind locks nothing. A drive without locks is used without: its user is not worse off than before.
+
+    Args:
+        lock: path of the lock file; its folder is created if necessary.
+        refusal: message of the error if another program is in such a block.
+
+    Raises:
+        InUseError: another program holds the lock.
+        OSError: the folder cannot be created or written to.
+    """
+    lock.parent.mkdir(parents=True, exist_ok=True)
+    held = FileLock(lock, timeout=0)
+    try:
+        held.acquire()
+    except Timeout:
+        raise InUseError(refusal) from None
+    except OSError as error:
+        if error.errno not in WITHOUT_LOCKS:
+            raise OSError(f"{lock.parent}: cannot be written to ({error.strerror}); name another folder") from error
+    try:
+        yield
+    finally:
+        if os.name != "nt":  # removed while it is held, so that nobody else's is; on Windows, `release` does it
+            with suppress(OSError):
+                lock.unlink(missing_ok=True)
+        held.release()

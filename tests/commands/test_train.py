@@ -97,6 +97,26 @@ def test_an_interrupted_training_resumes_to_the_same_model(
     assert torch.equal(weights(tmp_path / "model.pt"), weights(tmp_path / "whole.pt"))
 
 
+def test_a_second_training_of_the_same_model_is_refused_while_the_first_lives(
+    recording: Recording, tmp_path: Path, train: Callable[..., str]
+) -> None:
+    recording(moments=60)
+    options = ["--data", "laps", *SMALL]
+    process = started(tmp_path, *options, "--epochs", "1000", "--patience", "1000")
+    try:
+        assert "model: other.pt" in train(*options, "--epochs", "1", "--out", "other.pt")
+        for second in ([*options, "--epochs", "1"], [*options, "--epochs", "1", "--out", "model.bin"], ["--resume"]):
+            output = train(*second, fails=True)
+            assert "another training is writing it" in output
+            assert "name another file with --out" in output
+        assert process.poll() is None
+    finally:
+        process.kill()
+        process.communicate()
+    assert "model: model.pt" in train(*options, "--epochs", "1")  # a killed one stands in nobody's way
+    assert [path.name for path in tmp_path.iterdir() if path.name.endswith(".lock")] == []
+
+
 def test_resuming_refuses_other_options_and_takes_more_epochs(recording: Recording, train: Callable[..., str]) -> None:
     recording(moments=60)
     train("--data", "laps", "--epochs", "1", *SMALL)
