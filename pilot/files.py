@@ -9,6 +9,7 @@ from typing import IO
 
 from filelock import FileLock, Timeout
 
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 WITHOUT_LOCKS = {errno.ENOLCK, errno.EOPNOTSUPP}  # some network drives
 
 
@@ -26,7 +27,7 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
         write: function that writes the content to the binary file that it is called with.
 
     Raises:
-        OSError: the folder cannot be created or written to.
+        OSError: the file cannot be written; the message names it and what to do.
     """
     with move_when_done(path) as temporary, temporary.open("wb") as file:
         write(file)
@@ -39,15 +40,24 @@ def move_when_done(path: Path) -> Iterator[Path]:
     """Provide a temporary path in the same folder; it is renamed to `path` unless the block raises.
 
     Raises:
-        OSError: the folder cannot be created or written to.
+        OSError: the file cannot be written; the message names it and what to do.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
         temporary.replace(path)
+    except OSError as error:
+        raise unwritable(path, error) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def unwritable(path: Path, error: OSError) -> OSError:
+    """Return an error that names the file which cannot be written, why, and what to do."""
+    cure = "make room on the disk" if error.errno in FULL else "name another place"
+    return OSError(f"{path}: cannot be written ({error.strerror or error}): {cure}")
 
 
 @contextmanager
@@ -65,15 +75,15 @@ def sole_use(lock: Path, refusal: str) -> Iterator[None]:
         InUseError: another program holds the lock.
         OSError: the folder cannot be created or written to.
     """
-    lock.parent.mkdir(parents=True, exist_ok=True)
     held = FileLock(lock, timeout=0)
     try:
+        lock.parent.mkdir(parents=True, exist_ok=True)
         held.acquire()
     except Timeout:
         raise InUseError(refusal) from None
     except OSError as error:
         if error.errno not in WITHOUT_LOCKS:
-            raise OSError(f"{lock.parent}: cannot be written to ({error.strerror}); name another folder") from error
+            raise unwritable(lock.parent, error) from error
     try:
         yield
     finally:

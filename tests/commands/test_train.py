@@ -127,6 +127,24 @@ def test_resuming_refuses_other_options_and_takes_more_epochs(recording: Recordi
     assert "state.pt: no such file; there is no interrupted training" in output
 
 
+def test_a_full_disk_leaves_the_last_state_and_the_message_says_how_to_resume(
+    recording: Recording, tmp_path: Path, train: Callable[..., str]
+) -> None:
+    resource = pytest.importorskip("resource")  # not on Windows
+    recording(moments=60)
+    train("--data", "laps", "--epochs", "1", *SMALL)
+    state = (tmp_path / "model_report" / "state.pt").read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(state) // 2, limits[1]))
+    try:
+        output = train("--resume", "--epochs", "2", fails=True)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert re.search(r"state.pt: cannot be written \(File too large\): make room .*model.py --resume --out", output)
+    assert (tmp_path / "model_report" / "state.pt").read_bytes() == state
+    assert "epoch   2/2" in train("--resume", "--epochs", "2")
+
+
 def test_two_processes_train_to_the_same_quality(
     recording: Recording, tmp_path: Path, train: Callable[..., str]
 ) -> None:
