@@ -1,5 +1,6 @@
 """The built-in simulator: driven by hand in a window, by the expert, or by drive.py (see --help)."""
 
+import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -111,7 +112,7 @@ def connect(config: ConnectConfig) -> None:
     """Let drive.py drive, with or without a window, and print a summary.
 
     Raises:
-        ValueError: `config.fast` without `config.headless`, or there is no such track.
+        ValueError: an option is invalid, or there is no such track.
     """
     from pilot.simulator.referee import WHEN_LOST, Referee
     from pilot.simulator.simulator import Simulator
@@ -119,6 +120,10 @@ def connect(config: ConnectConfig) -> None:
 
     if config.fast and not config.headless:
         raise ValueError("--fast: a window shows real time; add --headless")
+    if not 0 < config.port < 1 << 16:
+        raise ValueError(f"--port {config.port}: must lie in 1..65535")
+    if config.laps is not None and not 0 < config.laps < math.inf:
+        raise ValueError(f"--laps {config.laps:g}: must be greater than 0, and finite")
     with Simulator() as simulator, tqdm(total=config.laps, unit=" laps", disable=config.laps is None) as bar:
         simulator.reset(config.road.name, light=config.road.light)
         client = Client(

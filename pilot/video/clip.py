@@ -21,7 +21,7 @@ from pilot.video.overlays import draw_path, draw_speed, draw_wheel
 
 DEFAULT_FPS = 15.0  # if the frames' names contain no time stamps
 SCALE_TO = 640  # pixels, minimum size at which overlays are legible
-SMALLEST, LARGEST = 16, 16384  # pixels of a frame's sides; H.264 takes no larger ones
+LARGEST = 16384  # pixels, the most that H.264 takes
 
 
 class NoFramesError(ValueError):
@@ -179,8 +179,8 @@ def _pictures(
 
 def _read_frame(path: Path) -> Frame:
     frame = read_frame_as_is(path)
-    if min(frame.shape[:2]) < SMALLEST or max(frame.shape[:2]) > LARGEST:
-        raise UnreadableImage(path, "image of an unusable size")
+    if max(frame.shape[:2]) > LARGEST:
+        raise UnreadableImage(path, "image too large")
     return frame
 
 

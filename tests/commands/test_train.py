@@ -175,6 +175,11 @@ def test_without_a_recording_where_one_should_be_it_says_what_to_do(tmp_path: Pa
     [
         (["--recipe", "resnet"], "there are default, built-in, nvidia-rotations"),
         (["--epochs", "0"], "--epochs 0: must be greater than 0"),
+        (["--cache-gb", "inf"], "--cache-gb inf: must not be negative, and finite"),
+        (["--samples.balance", "cap", "--samples.cap", "inf"], "--samples.cap inf: must be greater than 0, and finite"),
+        (["--samples.side-correction", "nan"], "--samples.side-correction nan: must be finite"),
+        (["--seed", "-1"], "--seed -1: must lie in 0..2^63-1"),
+        (["--out", "."], "--out .: is a folder; name a file in it, such as model.pt"),
         (["--augment.crop-top", "0.4", "0.6", "--augment.crop-bottom", "0.4", "0.5"], "must leave a part of the frame"),
         (["--augment.shadow-range", "0.7", "0.2"], "--augment.shadow-range 0.7 0.2: must not be negative, the smaller"),
         (["--augment.flip", "2"], "--augment.flip 2.0: must lie in 0..1"),
