@@ -12,6 +12,7 @@ from tqdm import tqdm
 
 from pilot import cli, process_settings
 from pilot.simulator.demonstration import DemonstrationConfig
+from pilot.terminal import show
 
 if TYPE_CHECKING:
     from pilot.simulator.simulator import Simulator
@@ -98,7 +99,7 @@ def record(config: RecordConfig) -> None:
             light=config.road.light,
             on_progress=lambda done: bar.update(round(100 * done) - bar.n),
         )
-    print(f"{rows} rows in {config.out}. To learn from them: python model.py --data {config.out}")
+    show(f"{rows} rows in {config.out}. To learn from them: python model.py --data {config.out}")
 
 
 def drive_by_hand(config: WindowConfig) -> None:
@@ -136,12 +137,12 @@ def connect(config: ConnectConfig) -> None:
             on_tick=lambda _: show_laps(bar, simulator.episode.laps),
         )
         try:
-            client.run() if config.headless else show(simulator, client, config.road.name)
+            client.run() if config.headless else run_in_window(simulator, client, config.road.name)
         finally:
-            print(f"{config.road.name}: {client.summary}")
+            show(f"{config.road.name}: {client.summary}")
 
 
-def show(simulator: "Simulator", client: "Client", title: str) -> None:
+def run_in_window(simulator: "Simulator", client: "Client", title: str) -> None:
     """Run the client in a window that shows its episode."""
     from pilot.simulator.window.window import Window
 

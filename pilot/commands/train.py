@@ -14,6 +14,7 @@ from tqdm import tqdm
 from pilot import cli, process_settings
 from pilot.data.log_format import LOG_NAME
 from pilot.files import sole_use
+from pilot.terminal import show
 from pilot.training.config import TrainingConfig, config_from_jsonable
 from pilot.training.recipes import RECIPES
 
@@ -76,10 +77,9 @@ def record_if_empty(folder: Path) -> None:
 
     built_in = folder / BUILT_IN
     if not has_own_recordings(folder) and (missing := missing_demonstrations(built_in)):
-        print(
+        show(
             f"There are no recordings in {folder}{os.sep}: the built-in simulator records demonstration laps, normal "
-            f"ones and recoveries, both ways round, into {built_in}{os.sep}",
-            flush=True,
+            f"ones and recoveries, both ways round, into {built_in}{os.sep}"
         )
         for _ in tqdm(record_demonstrations(built_in, missing), "recording", len(missing), unit=" tracks"):
             pass

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from pilot import cli, process_settings
+from pilot.terminal import show
 
 if TYPE_CHECKING:
     from pilot.video.clip import Overlays
@@ -57,13 +58,13 @@ def make(config: ClipConfig) -> None:
     target = config.out or config.run.resolve().with_name(config.run.resolve().name + ".mp4")
     drawn = overlays(config)
     if drawn.logged and config.run.is_dir() and not read_log_entries(config.run):
-        print(f"{config.run}: there is no driving_log.csv with it, so wheel, speed and path cannot be drawn")
+        show(f"{config.run}: there is no driving_log.csv with it, so wheel, speed and path cannot be drawn")
     try:
         result = make_clip(config.run, target, fps=config.fps, overlays=drawn, progress=terminal_bar)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("no clip was written") from None
     left_out = f"; {result.unreadable} pictures could not be read and were left out" if result.unreadable else ""
-    print(f"{target}: {result.frames} frames, {result.seconds:.1f} s{left_out}")
+    show(f"{target}: {result.frames} frames, {result.seconds:.1f} s{left_out}")
 
 
 def overlays(config: ClipConfig) -> "Overlays":

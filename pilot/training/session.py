@@ -18,6 +18,7 @@ from pilot.driving.driver import DrivingCheck
 from pilot.model.checkpoint import Model, load_values, save_model, to_jsonable
 from pilot.model.networks import network_class
 from pilot.progress import ProgressBar, no_bar, terminal_bar
+from pilot.terminal import show
 from pilot.training.config import TrainingConfig
 from pilot.training.distributed import Processes
 from pilot.training.report import (
@@ -49,7 +50,7 @@ def train(config: TrainingConfig, processes: Processes, set_up: Callable[[int], 
         OSError: a file cannot be written; the message says how to resume.
         KeyboardInterrupt: on Ctrl-C, after a message about how to resume.
     """
-    say: Callable[[str], None] = print if processes.is_main else lambda _: None
+    say: Callable[[str], None] = show if processes.is_main else lambda _: None
     cache = make_cache(config)
     log = read_in_turn(config, cache, processes)
     say(log.table())
@@ -175,8 +176,8 @@ def finish(config: TrainingConfig, training: Training, result: ValidationResult)
     """Draw the figures, and print which epoch was kept, its metrics and the paths of the files."""
     draw_results(training, result)
     if training.loader.unreadable:
-        print(f"{len(training.loader.unreadable)} images became unreadable during the training and were left out")
-    print(
+        show(f"{len(training.loader.unreadable)} images became unreadable during the training and were left out")
+    show(
         f"\n{verdict(training)} "
         "Compared with the driver's steering on the validation set:\n"
         f"  as recorded:           {result.recorded}\n"
