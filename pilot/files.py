@@ -1,7 +1,11 @@
 """Atomic writing of files, and locks: neither a failure nor a second program destroys what is there."""
 
 import errno
+import glob
 import os
+import platform
+import re
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -10,6 +14,7 @@ from typing import IO
 from filelock import FileLock, Timeout
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+DAY = 24 * 60 * 60  # s
 WITHOUT_LOCKS = {errno.ENOLCK, errno.EOPNOTSUPP}  # some network drives
 
 
@@ -42,9 +47,10 @@ def move_when_done(path: Path) -> Iterator[Path]:
     Raises:
         OSError: the file cannot be written; the message names it and what to do.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    temporary = path.with_name(f".{path.name}.{platform.node()}-{os.getpid()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        _remove_abandoned(path)
         yield temporary
         temporary.replace(path)
     except OSError as error:
@@ -52,6 +58,33 @@ def move_when_done(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Remove what killed programs have left of their attempts to write a file."""
+    name = re.compile(rf"\.{re.escape(path.name)}\.(?:(.*)-)?(\d+)\.part")
+    for file in path.parent.glob(f".{glob.escape(path.name)}.*.part"):
+        if found := name.fullmatch(file.name):
+            with suppress(OSError):  # on Windows, a file that is being written cannot be removed
+                if _has_ended(found[1], int(found[2])) or file.stat().st_mtime < time.time() - DAY:
+                    file.unlink()
+
+
+def _has_ended(host: str | None, process: int) -> bool:
+    """Return whether a process has certainly ended; of those on other computers of a shared folder, nothing is known.
+
+    Windows has no harmless signal to ask with. There, and if another program has got the process's number since, the
+    file's age decides.
+    """
+    if host != platform.node() or os.name != "posix":
+        return False
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return True
+    except PermissionError:  # it lives, and is another user's
+        pass
+    return False
 
 
 def unwritable(path: Path, error: OSError) -> OSError:
