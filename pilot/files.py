@@ -90,6 +90,8 @@ def _has_ended(host: str | None, process: int) -> bool:
 def unwritable(path: Path, error: OSError) -> OSError:
     """Return an error that names the file which cannot be written, why, and what to do."""
     cure = "make room on the disk" if error.errno in FULL else "name another place"
+    if isinstance(error, PermissionError):  # on Windows also while, say, a spreadsheet shows it
+        cure = f"close the program that has it open, or {cure}"
     return OSError(f"{path}: cannot be written ({error.strerror or error}): {cure}")
 
 

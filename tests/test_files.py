@@ -32,6 +32,19 @@ def writing(path: Path) -> subprocess.Popen[str]:
     return process
 
 
+def test_a_file_that_another_program_keeps_open_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_self: Path, _target: Path) -> None:  # as Windows does
+        raise PermissionError(13, "Access is denied")
+
+    path = tmp_path / "history.csv"
+    path.write_text("before")
+    monkeypatch.setattr(Path, "replace", refuse)
+    with pytest.raises(OSError, match=r"history.csv: cannot be written \(Access is denied\): close the program"):
+        write_atomically(path, lambda file: file.write(b"new"))
+    assert [file.name for file in tmp_path.iterdir()] == ["history.csv"]
+    assert path.read_text() == "before"
+
+
 @pytest.mark.skipif(os.name != "posix", reason="elsewhere only the age of a file tells")
 def test_what_a_killed_program_left_is_removed_and_what_a_living_one_writes_is_not(tmp_path: Path) -> None:
     path = tmp_path / "samples.png"
