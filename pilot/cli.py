@@ -5,6 +5,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from pilot.terminal import PrintableFormatter, printable
+
 INTERRUPTED = 130  # exit code after Ctrl-C by the convention of shells: 128 + SIGINT
 
 
@@ -27,15 +29,17 @@ def run(name: str, action: Callable[[], None], *, verbose: bool = False) -> int:
     Returns:
         The exit code: 0 on success, 1 after an error, 130 after Ctrl-C.
     """
-    logging.basicConfig(level=logging.ERROR, format="%(asctime)s %(message)s", datefmt="%H:%M:%S")
+    handler = logging.StreamHandler()
+    handler.setFormatter(PrintableFormatter("%(asctime)s %(message)s", "%H:%M:%S"))
+    logging.basicConfig(level=logging.ERROR, handlers=[handler])
     if verbose:
         logging.getLogger("pilot").setLevel(logging.INFO)
     try:
         action()
     except KeyboardInterrupt as interrupt:
-        print(f"\nInterrupted{f': {interrupt}' if str(interrupt) else ''}.", file=sys.stderr)
+        print(f"\nInterrupted{f': {printable(interrupt)}' if str(interrupt) else ''}.", file=sys.stderr)
         return INTERRUPTED
     except (ValueError, OSError, RuntimeError) as error:
-        print(f"{name}: {error}", file=sys.stderr)
+        print(f"{name}: {printable(error)}", file=sys.stderr)
         return 1
     return 0

@@ -12,6 +12,7 @@ import tyro
 
 from pilot import cli, process_settings
 from pilot.evaluation.conditions import Conditions, expand_tracks
+from pilot.terminal import show
 
 if TYPE_CHECKING:
     from pilot.evaluation.closed_loop import PolicyFactory
@@ -123,8 +124,8 @@ def evaluate(config: EvaluationConfig) -> None:
         for name in names
     ]
     write_json(config.out / "scores.json", evaluations, asdict(config))
-    print(table(evaluations), "", *map(verdict, evaluations), sep="\n")
-    print(f"scores and figures: {config.out}{os.sep}")
+    show("\n".join([table(evaluations), "", *map(verdict, evaluations)]))
+    show(f"scores and figures: {config.out}{os.sep}")
 
 
 def track_scenarios(config: EvaluationConfig) -> "list[Scenario]":

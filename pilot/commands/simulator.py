@@ -1,5 +1,6 @@
 """The built-in simulator: driven by hand in a window, by the expert, or by drive.py (see --help)."""
 
+import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ from tqdm import tqdm
 
 from pilot import cli, process_settings
 from pilot.simulator.demonstration import DemonstrationConfig
+from pilot.terminal import show
 
 if TYPE_CHECKING:
     from pilot.simulator.simulator import Simulator
@@ -97,7 +99,7 @@ def record(config: RecordConfig) -> None:
             light=config.road.light,
             on_progress=lambda done: bar.update(round(100 * done) - bar.n),
         )
-    print(f"{rows} rows in {config.out}. To learn from them: python model.py --data {config.out}")
+    show(f"{rows} rows in {config.out}. To learn from them: python model.py --data {config.out}")
 
 
 def drive_by_hand(config: WindowConfig) -> None:
@@ -111,7 +113,7 @@ def connect(config: ConnectConfig) -> None:
     """Let drive.py drive, with or without a window, and print a summary.
 
     Raises:
-        ValueError: `config.fast` without `config.headless`, or there is no such track.
+        ValueError: an option is invalid, or there is no such track.
     """
     from pilot.simulator.referee import WHEN_LOST, Referee
     from pilot.simulator.simulator import Simulator
@@ -119,6 +121,10 @@ def connect(config: ConnectConfig) -> None:
 
     if config.fast and not config.headless:
         raise ValueError("--fast: a window shows real time; add --headless")
+    if not 0 < config.port < 1 << 16:
+        raise ValueError(f"--port {config.port}: must lie in 1..65535")
+    if config.laps is not None and not 0 < config.laps < math.inf:
+        raise ValueError(f"--laps {config.laps:g}: must be greater than 0, and finite")
     with Simulator() as simulator, tqdm(total=config.laps, unit=" laps", disable=config.laps is None) as bar:
         simulator.reset(config.road.name, light=config.road.light)
         client = Client(
@@ -131,12 +137,12 @@ def connect(config: ConnectConfig) -> None:
             on_tick=lambda _: show_laps(bar, simulator.episode.laps),
         )
         try:
-            client.run() if config.headless else show(simulator, client, config.road.name)
+            client.run() if config.headless else run_in_window(simulator, client, config.road.name)
         finally:
-            print(f"{config.road.name}: {client.summary}")
+            show(f"{config.road.name}: {client.summary}")
 
 
-def show(simulator: "Simulator", client: "Client", title: str) -> None:
+def run_in_window(simulator: "Simulator", client: "Client", title: str) -> None:
     """Run the client in a window that shows its episode."""
     from pilot.simulator.window.window import Window
 

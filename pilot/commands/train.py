@@ -5,6 +5,7 @@ import dataclasses
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import tyro
@@ -12,6 +13,8 @@ from tqdm import tqdm
 
 from pilot import cli, process_settings
 from pilot.data.log_format import LOG_NAME
+from pilot.files import sole_use
+from pilot.terminal import show
 from pilot.training.config import TrainingConfig, config_from_jsonable
 from pilot.training.recipes import RECIPES
 
@@ -36,6 +39,7 @@ def run(config: TrainingConfig) -> None:
 
     Raises:
         NoUsableData, UnusableModel, ValueError, OSError: training is not possible; the message says what to do.
+        InUseError: another training is writing the same model.
     """
     # imported here, so that --help, invalid options and the processes that record do not wait for PyTorch
     from pilot.training.devices import choose_device
@@ -44,11 +48,23 @@ def run(config: TrainingConfig) -> None:
 
     process_settings.for_training()
     choose_device(config.device)  # an unavailable one is refused before minutes of reading
-    with join_processes() as processes:
+    with join_processes() as processes, sole_training(config) if processes.is_main else nullcontext():
         if processes.is_main and not config.data:
             record_if_empty(*config.folders)
         processes.barrier()
         train(config, processes, process_settings.use_threads)
+
+
+def sole_training(config: TrainingConfig) -> AbstractContextManager[None]:
+    """Return a context that refuses a second training with the same --out, which would overwrite this one's files.
+
+    The lock stands for the folder of the metrics: model.pt and model.bin have the same one.
+    """
+    return sole_use(
+        config.report.with_name(f".{config.report.name}.lock"),
+        f"{config.out}: another training is writing it and {config.report}{os.sep}. Wait for its end, or name another "
+        "file with --out",
+    )
 
 
 def record_if_empty(folder: Path) -> None:
@@ -61,10 +77,9 @@ def record_if_empty(folder: Path) -> None:
 
     built_in = folder / BUILT_IN
     if not has_own_recordings(folder) and (missing := missing_demonstrations(built_in)):
-        print(
+        show(
             f"There are no recordings in {folder}{os.sep}: the built-in simulator records demonstration laps, normal "
-            f"ones and recoveries, both ways round, into {built_in}{os.sep}",
-            flush=True,
+            f"ones and recoveries, both ways round, into {built_in}{os.sep}"
         )
         for _ in tqdm(record_demonstrations(built_in, missing), "recording", len(missing), unit=" tracks"):
             pass

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 from pilot import cli, process_settings
+from pilot.terminal import show
 
 if TYPE_CHECKING:
     from pilot.video.clip import Overlays
@@ -52,17 +53,18 @@ def make(config: ClipConfig) -> None:
     from pilot.video.clip import make_clip, read_log_entries
 
     process_settings.for_images()
-    if config.fps is not None and not 0 < config.fps <= 240:
-        raise ValueError(f"--fps {config.fps:g}: must lie between 0 and 240")
+    if config.fps is not None and not 0.01 <= config.fps <= 240:
+        raise ValueError(f"--fps {config.fps:g}: must lie between 0.01 and 240")
     target = config.out or config.run.resolve().with_name(config.run.resolve().name + ".mp4")
-    if (config.wheel or config.speed or config.path) and config.run.is_dir() and not read_log_entries(config.run):
-        print(f"{config.run}: there is no driving_log.csv with it, so wheel, speed and path cannot be drawn")
+    drawn = overlays(config)
+    if drawn.logged and config.run.is_dir() and not read_log_entries(config.run):
+        show(f"{config.run}: there is no driving_log.csv with it, so wheel, speed and path cannot be drawn")
     try:
-        result = make_clip(config.run, target, fps=config.fps, overlays=overlays(config), progress=terminal_bar)
+        result = make_clip(config.run, target, fps=config.fps, overlays=drawn, progress=terminal_bar)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("no clip was written") from None
     left_out = f"; {result.unreadable} pictures could not be read and were left out" if result.unreadable else ""
-    print(f"{target}: {result.frames} frames, {result.seconds:.1f} s{left_out}")
+    show(f"{target}: {result.frames} frames, {result.seconds:.1f} s{left_out}")
 
 
 def overlays(config: ClipConfig) -> "Overlays":

@@ -13,6 +13,7 @@ from pilot.data.image_header import is_decodable
 from pilot.vehicle import COLUMNS, ROWS
 
 LARGEST_FILE = 1 << 25  # bytes of an image file; the simulator's have 20,000
+SMALLEST = 16  # pixels; a smaller image shows no road
 
 
 class UnreadableImage(ValueError):
@@ -31,7 +32,7 @@ def read_frame(path: Path | str) -> Frame:
     """Read an image file as a 160x320x3 uint8 RGB frame; images of other sizes are scaled.
 
     Raises:
-        UnreadableImage: the file is missing, empty, truncated, too large, or not a JPEG or PNG image.
+        UnreadableImage: the file is missing, empty, truncated, too small or large, or not a JPEG or PNG image.
     """
     return _to_size(read_frame_as_is(path))
 
@@ -40,7 +41,7 @@ def read_frame_as_is(path: Path | str) -> Frame:
     """Read an image file as rows x columns x 3 uint8 RGB, without scaling.
 
     Raises:
-        UnreadableImage: the file is missing, empty, truncated, too large, or not a JPEG or PNG image.
+        UnreadableImage: the file is missing, empty, truncated, too small or large, or not a JPEG or PNG image.
     """
     try:
         status = os.stat(path)
@@ -56,6 +57,8 @@ def read_frame_as_is(path: Path | str) -> Frame:
     frame = _decode(data)
     if frame is None:
         raise UnreadableImage(path, "image corrupt")
+    if min(frame.shape[:2]) < SMALLEST:
+        raise UnreadableImage(path, "image too small")
     return frame
 
 

@@ -1,12 +1,16 @@
 """Writing of recordings as the Unity simulator does: the images of three cameras and driving_log.csv."""
 
+import errno
 import math
+import os
+from contextlib import suppress
 from datetime import datetime, timedelta
 from pathlib import Path
 
 from pilot.arrays import Frame
 from pilot.data.frames import encode_frame
 from pilot.data.log_format import LOG_NAME, format_line, time_stamp
+from pilot.files import unwritable
 from pilot.vehicle import CAMERAS, TICK
 
 RECORDING_RATE = 15.0  # rows per second, as the Unity simulator records
@@ -32,9 +36,12 @@ class RecordingWriter:
         self.folder, self.listed_as = folder, (listed_as or folder).resolve()
         self.start = datetime.now()
         self.rows = 0
-        (self.folder / "IMG").mkdir(parents=True, exist_ok=True)
-        # line by line: a program that is killed leaves no images without their row
-        self._log = (self.folder / LOG_NAME).open("a", encoding="utf-8", newline="", buffering=1)
+        try:
+            (self.folder / "IMG").mkdir(parents=True, exist_ok=True)
+            # unbuffered: each row is in the file as soon as its images are, should the program be killed
+            self._log = (self.folder / LOG_NAME).open("ab", buffering=0)
+        except OSError as error:
+            raise unwritable(folder, error) from error
 
     def write(self, frames: dict[str, Frame], seconds: float, command: tuple[float, float], speed: float) -> None:
         """Write the row of one time step.
@@ -44,15 +51,34 @@ class RecordingWriter:
             seconds: time since the recording was opened; determines the time in the images' names.
             command: steering and throttle, -1..1 each; a negative throttle is written as brake.
             speed: mph.
+
+        Raises:
+            OSError: the row cannot be written, as on a full disk; the rows before it remain, and nothing of this one.
         """
         stamp = time_stamp(self.start + timedelta(seconds=seconds))
         names = [f"{camera}_{stamp}.jpg" for camera in CAMERAS]
-        for camera, name in zip(CAMERAS, names, strict=True):
-            (self.folder / "IMG" / name).write_bytes(encode_frame(frames[camera]))
-        steering, throttle = command
+        images = [self.folder / "IMG" / name for name in names]
         listed = [str(self.listed_as / "IMG" / name) for name in names]
-        self._log.write(format_line(listed, steering, throttle, speed))
+        end = os.fstat(self._log.fileno()).st_size
+        try:
+            for camera, image in zip(CAMERAS, images, strict=True):
+                image.write_bytes(encode_frame(frames[camera]))
+            self._append(format_line(listed, *command, speed).encode())
+        except OSError as error:
+            self._take_back(images, end)
+            raise unwritable(self.folder, error) from error
         self.rows += 1
+
+    def _append(self, line: bytes) -> None:
+        if self._log.write(line) < len(line):  # what an unbuffered file does when the disk becomes full
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def _take_back(self, images: list[Path], end: int) -> None:
+        with suppress(OSError):
+            self._log.truncate(end)
+        for image in images:
+            with suppress(OSError):
+                image.unlink(missing_ok=True)
 
     def __enter__(self) -> "RecordingWriter":
         return self

@@ -6,6 +6,7 @@ a model from an untrusted source cannot execute code. A checksum of all values r
 
 import dataclasses
 import hashlib
+import io
 import json
 import zipfile
 from collections.abc import Iterator
@@ -104,7 +105,9 @@ def save_values(path: Path, content: dict[str, Any]) -> None:
     Raises:
         OSError: the file cannot be written.
     """
-    write_atomically(path, lambda file: torch.save({**content, CHECKSUM: digest(content)}, file))
+    packed = io.BytesIO()  # on a full disk, torch.save into a file fails with a message about the inside of PyTorch
+    torch.save({**content, CHECKSUM: digest(content)}, packed)
+    write_atomically(path, lambda file: file.write(packed.getbuffer()))
 
 
 def load_values(path: Path, kind: str, cure: str) -> dict[str, Any]:

@@ -52,6 +52,7 @@ class DemonstrationConfig:
             ("rate", 0.1, 1 / TICK),
             ("speed", 1, TOP_SPEED_MPH),
             ("wander", 0, 3),
+            ("seed", 0, 1e9),
         ):
             if not least <= getattr(self, name) <= most:
                 raise ValueError(f"{name} {getattr(self, name):g}: takes {least:g} to {most:g}")

@@ -1,5 +1,6 @@
 """Training options; the fields of the dataclass are the options of the command line."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -97,9 +98,18 @@ class TrainingConfig:
             "samples.smooth-seconds": self.samples.smooth_seconds,
             "samples.rotated-copies": self.samples.rotated_copies,
         }
+        finite = {
+            "samples.min-speed": self.samples.min_speed,
+            "samples.side-correction": self.samples.side_correction,
+            "samples.rotation-range": self.samples.rotation_range,
+        }
         shares = {"samples.drop-zeros": self.samples.drop_zeros, "samples.first-part": self.samples.first_part}
-        _require(positive, lambda value: value > 0, "must be greater than 0")
-        _require(not_negative, lambda value: value >= 0, "must not be negative")
+        _require(positive, lambda value: 0 < value < math.inf, "must be greater than 0, and finite")
+        _require(not_negative, lambda value: 0 <= value < math.inf, "must not be negative, and finite")
+        _require(finite, math.isfinite, "must be finite")
+        _require({"seed": self.seed}, lambda value: 0 <= value < 1 << 63, "must lie in 0..2^63-1")
+        if self.out.is_dir():
+            raise ValueError(f"--out {self.out}: is a folder; name a file in it, such as {self.out / 'model.pt'}")
         _require(shares, lambda value: 0 <= value <= 1, "must lie in 0..1")
         if self.select == "replay" and self.samples.split == "moments":
             raise ValueError(

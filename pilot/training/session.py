@@ -1,7 +1,8 @@
 """A complete training, from recordings to model.pt, metrics and figures."""
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from pilot.driving.driver import DrivingCheck
 from pilot.model.checkpoint import Model, load_values, save_model, to_jsonable
 from pilot.model.networks import network_class
 from pilot.progress import ProgressBar, no_bar, terminal_bar
+from pilot.terminal import show
 from pilot.training.config import TrainingConfig
 from pilot.training.distributed import Processes
 from pilot.training.report import (
@@ -45,9 +47,10 @@ def train(config: TrainingConfig, processes: Processes, set_up: Callable[[int], 
         NoUsableData: the recordings contain no usable rows.
         UnusableModel: the model to start from, or the state to resume, cannot be used.
         ValueError: an option does not fit the recordings, the device is not available, or the training diverged.
+        OSError: a file cannot be written; the message says how to resume.
         KeyboardInterrupt: on Ctrl-C, after a message about how to resume.
     """
-    say: Callable[[str], None] = print if processes.is_main else lambda _: None
+    say: Callable[[str], None] = show if processes.is_main else lambda _: None
     cache = make_cache(config)
     log = read_in_turn(config, cache, processes)
     say(log.table())
@@ -72,17 +75,35 @@ def train(config: TrainingConfig, processes: Processes, set_up: Callable[[int], 
         if processes.is_main and training.epoch == 1:  # not earlier, so that the first step does not wait
             draw_samples(log, training)
 
-    try:
-        training.run(on_epoch, training_bar(hidden=not processes.is_main), config.report / STATE)
-    except KeyboardInterrupt:
-        say(f"\nStopped in epoch {training.epoch + 1}. To resume: python model.py --resume --out {config.out}")
-        raise
-    if config.select != "error":
-        keep(config.report / LOWEST_ERROR, training.best, log, training)
-    result = keep(config.out, training.chosen, log, training)
-    if processes.is_main:
-        finish(config, training, result)
+    with resumable(config):
+        try:
+            training.run(on_epoch, training_bar(hidden=not processes.is_main), config.report / STATE)
+        except KeyboardInterrupt:
+            say(f"\nStopped in epoch {training.epoch + 1}. To resume: {resume_command(config)}")
+            raise
+        if config.select != "error":
+            keep(config.report / LOWEST_ERROR, training.best, log, training)
+        result = keep(config.out, training.chosen, log, training)
+        if processes.is_main:
+            finish(config, training, result)
     processes.barrier()
+
+
+@contextmanager
+def resumable(config: TrainingConfig) -> Iterator[None]:
+    """Add to the error of a file that cannot be written, as on a full disk, how to resume from the last saved state."""
+    try:
+        yield
+    except OSError as error:
+        state = config.report / STATE
+        if not state.exists():
+            raise
+        raise OSError(f"{error}. {state} keeps the training; then resume: {resume_command(config)}") from error
+
+
+def resume_command(config: TrainingConfig) -> str:
+    """Return the command that resumes a training."""
+    return f"python model.py --resume --out {config.out}"
 
 
 def make_cache(config: TrainingConfig) -> FrameCache:
@@ -155,8 +176,8 @@ def finish(config: TrainingConfig, training: Training, result: ValidationResult)
     """Draw the figures, and print which epoch was kept, its metrics and the paths of the files."""
     draw_results(training, result)
     if training.loader.unreadable:
-        print(f"{len(training.loader.unreadable)} images became unreadable during the training and were left out")
-    print(
+        show(f"{len(training.loader.unreadable)} images became unreadable during the training and were left out")
+    show(
         f"\n{verdict(training)} "
         "Compared with the driver's steering on the validation set:\n"
         f"  as recorded:           {result.recorded}\n"

@@ -1,5 +1,6 @@
 """Encoding of a recording as an H.264 video, with optional overlays."""
 
+import csv
 import itertools
 import statistics
 from collections.abc import Callable, Iterable, Iterator
@@ -13,13 +14,14 @@ import numpy as np
 
 from pilot.arrays import Frame
 from pilot.data.frames import UnreadableImage, read_frame_as_is
-from pilot.data.log_format import LOG_NAME, LogLine, parse_log, time_of
+from pilot.data.log_format import LOG_NAME, RANGES, LogLine, parse_log, time_of
 from pilot.files import move_when_done
 from pilot.progress import ProgressBar, no_bar
 from pilot.video.overlays import draw_path, draw_speed, draw_wheel
 
 DEFAULT_FPS = 15.0  # if the frames' names contain no time stamps
-SCALE_TO = 640  # pixels, minimum width at which overlays are legible
+SCALE_TO = 640  # pixels, minimum size at which overlays are legible
+LARGEST = 16384  # pixels, the most that H.264 takes
 
 
 class NoFramesError(ValueError):
@@ -28,7 +30,7 @@ class NoFramesError(ValueError):
 
 @dataclass(frozen=True)
 class LogEntry:
-    """Steering (-1..1) and speed (mph) of a frame in the driving log; None where the log has no value."""
+    """Steering (-1..1) and speed (mph) of a frame in the driving log; None where the log has no plausible value."""
 
     steering: float | None = None
     speed: float | None = None
@@ -51,9 +53,14 @@ class Overlays:
     saliency: Callable[[Frame], Frame] | None = None
 
     @property
+    def logged(self) -> bool:
+        """Whether there is any overlay that shows values of the log."""
+        return self.wheel or self.speed or self.path
+
+    @property
     def any(self) -> bool:
         """Whether there is any overlay."""
-        return self.wheel or self.speed or self.path or self.saliency is not None
+        return self.logged or self.saliency is not None
 
 
 @dataclass
@@ -89,11 +96,18 @@ def frame_rate(frames: list[Path]) -> float:
 
 
 def read_log_entries(folder: Path) -> dict[str, LogEntry]:
-    """Return the values in the recording's log by the name of the centre image; empty without a log."""
+    """Return the values in the recording's log by the name of the centre image; empty without a log.
+
+    Raises:
+        ValueError: the log cannot be parsed, or its header has no steering column.
+    """
     log = folder / LOG_NAME
     if not log.is_file():
         return {}
-    lines = parse_log(log.read_bytes().decode("utf-8-sig", errors="replace"))
+    try:
+        lines = list(parse_log(log.read_bytes().decode("utf-8-sig", errors="replace")))
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"{log}: {error}. Mend it, or leave out --wheel, --speed and --path") from error
     return {
         line.images["center"]: LogEntry(_value(line, "steering"), _value(line, "speed"))
         for line in lines
@@ -103,9 +117,11 @@ def read_log_entries(folder: Path) -> dict[str, LogEntry]:
 
 def _value(line: LogLine, name: str) -> float | None:
     try:
-        return float(line.values[name])
+        value = float(line.values[name])
     except (KeyError, ValueError):
         return None
+    low, high = RANGES[name]
+    return value if low <= value <= high else None  # a NaN is nowhere between
 
 
 def make_clip(
@@ -119,7 +135,7 @@ def make_clip(
     """Encode a recording as a video; unreadable frames are left out and counted.
 
     The clip is written under a temporary name and renamed at the end. All frames are scaled to the size of the first,
-    which is enlarged to a width of at least 640 pixels if there are overlays.
+    which is enlarged to at least 640 pixels if there are overlays.
 
     Args:
         folder: of the recording.
@@ -130,14 +146,15 @@ def make_clip(
 
     Raises:
         NoFramesError: the folder does not exist, or contains no readable frames.
-        ValueError: the log's header has no steering column.
+        ValueError: `target` is no .mp4; the overlays need the log, and it cannot be parsed.
         OSError: the video cannot be written.
     """
+    if target.suffix.lower() != ".mp4":  # it would replace a frame, a log or a model
+        raise ValueError(f"--out {target}: a clip is an .mp4 file; give it a name that ends in .mp4")
     frames, result = find_frames(folder), ClipResult()
-    rate = fps or frame_rate(frames)
-    pictures = _pictures(
-        progress(frames, len(frames), "encoding"), result, read_log_entries(folder), overlays or Overlays()
-    )
+    rate, overlays = fps or frame_rate(frames), overlays or Overlays()
+    log_entries = read_log_entries(folder) if overlays.logged else {}
+    pictures = _pictures(progress(frames, len(frames), "encoding"), result, log_entries, overlays)
     first = next(pictures, None)
     if first is None:
         raise NoFramesError(f"{folder}: none of its {len(frames)} images can be read; record the drive again")
@@ -152,12 +169,19 @@ def _pictures(
 ) -> Iterator[Frame]:
     for path in frames:
         try:
-            frame = read_frame_as_is(path)
+            frame = _read_frame(path)
         except UnreadableImage:
             result.unreadable += 1
             continue
         result.frames += 1
         yield decorate(frame, log_entries.get(path.name, LogEntry()), overlays)
+
+
+def _read_frame(path: Path) -> Frame:
+    frame = read_frame_as_is(path)
+    if max(frame.shape[:2]) > LARGEST:
+        raise UnreadableImage(path, "image too large")
+    return frame
 
 
 def decorate(frame: Frame, log_entry: LogEntry, overlays: Overlays) -> Frame:
@@ -166,7 +190,7 @@ def decorate(frame: Frame, log_entry: LogEntry, overlays: Overlays) -> Frame:
         return frame
     if overlays.saliency:
         frame = overlays.saliency(frame)
-    scale = max(SCALE_TO / frame.shape[1], 1)
+    scale = max(SCALE_TO / max(frame.shape[:2]), 1)
     picture = _resize(frame, round(frame.shape[1] * scale), round(frame.shape[0] * scale))
     if overlays.path and log_entry.steering is not None:
         draw_path(picture, log_entry.steering)

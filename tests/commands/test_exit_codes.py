@@ -12,6 +12,21 @@ def test_connect_has_two_names(word: str, capsys: pytest.CaptureFixture[str]) ->
     assert capsys.readouterr().err == "simulator.py: --fast: a window shows real time; add --headless\n"
 
 
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["connect", "--headless", "--port", "99999"], "--port 99999: must lie in 1..65535"),
+        (["connect", "--headless", "--laps", "nan"], "--laps nan: must be greater than 0"),
+        (["record", "--out", "laps", "--seed", "-1"], "seed -1: takes 0 to"),
+    ],
+)
+def test_wrong_options_of_the_simulator_are_named(
+    arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert simulator.main(arguments) == 1
+    assert says in capsys.readouterr().err
+
+
 def test_errors_and_ctrl_c_end_every_command_alike(capsys: pytest.CaptureFixture[str]) -> None:
     def interrupted() -> None:
         raise KeyboardInterrupt("no clip was written")

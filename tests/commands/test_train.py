@@ -97,6 +97,26 @@ def test_an_interrupted_training_resumes_to_the_same_model(
     assert torch.equal(weights(tmp_path / "model.pt"), weights(tmp_path / "whole.pt"))
 
 
+def test_a_second_training_of_the_same_model_is_refused_while_the_first_lives(
+    recording: Recording, tmp_path: Path, train: Callable[..., str]
+) -> None:
+    recording(moments=60)
+    options = ["--data", "laps", *SMALL]
+    process = started(tmp_path, *options, "--epochs", "1000", "--patience", "1000")
+    try:
+        assert "model: other.pt" in train(*options, "--epochs", "1", "--out", "other.pt")
+        for second in ([*options, "--epochs", "1"], [*options, "--epochs", "1", "--out", "model.bin"], ["--resume"]):
+            output = train(*second, fails=True)
+            assert "another training is writing it" in output
+            assert "name another file with --out" in output
+        assert process.poll() is None
+    finally:
+        process.kill()
+        process.communicate()
+    assert "model: model.pt" in train(*options, "--epochs", "1")  # a killed one stands in nobody's way
+    assert [path.name for path in tmp_path.iterdir() if path.name.endswith(".lock")] == []
+
+
 def test_resuming_refuses_other_options_and_takes_more_epochs(recording: Recording, train: Callable[..., str]) -> None:
     recording(moments=60)
     train("--data", "laps", "--epochs", "1", *SMALL)
@@ -105,6 +125,24 @@ def test_resuming_refuses_other_options_and_takes_more_epochs(recording: Recordi
     assert "epoch   2/2" in train("--resume", "--epochs", "2")
     output = train("--resume", "--out", "b.pt", fails=True)
     assert "state.pt: no such file; there is no interrupted training" in output
+
+
+def test_a_full_disk_leaves_the_last_state_and_the_message_says_how_to_resume(
+    recording: Recording, tmp_path: Path, train: Callable[..., str]
+) -> None:
+    resource = pytest.importorskip("resource")  # not on Windows
+    recording(moments=60)
+    train("--data", "laps", "--epochs", "1", *SMALL)
+    state = (tmp_path / "model_report" / "state.pt").read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(state) // 2, limits[1]))
+    try:
+        output = train("--resume", "--epochs", "2", fails=True)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert re.search(r"state.pt: cannot be written \(File too large\): make room .*model.py --resume --out", output)
+    assert (tmp_path / "model_report" / "state.pt").read_bytes() == state
+    assert "epoch   2/2" in train("--resume", "--epochs", "2")
 
 
 def test_two_processes_train_to_the_same_quality(
@@ -137,6 +175,11 @@ def test_without_a_recording_where_one_should_be_it_says_what_to_do(tmp_path: Pa
     [
         (["--recipe", "resnet"], "there are default, built-in, nvidia-rotations"),
         (["--epochs", "0"], "--epochs 0: must be greater than 0"),
+        (["--cache-gb", "inf"], "--cache-gb inf: must not be negative, and finite"),
+        (["--samples.balance", "cap", "--samples.cap", "inf"], "--samples.cap inf: must be greater than 0, and finite"),
+        (["--samples.side-correction", "nan"], "--samples.side-correction nan: must be finite"),
+        (["--seed", "-1"], "--seed -1: must lie in 0..2^63-1"),
+        (["--out", "."], "--out .: is a folder; name a file in it, such as model.pt"),
         (["--augment.crop-top", "0.4", "0.6", "--augment.crop-bottom", "0.4", "0.5"], "must leave a part of the frame"),
         (["--augment.shadow-range", "0.7", "0.2"], "--augment.shadow-range 0.7 0.2: must not be negative, the smaller"),
         (["--augment.flip", "2"], "--augment.flip 2.0: must lie in 0..1"),

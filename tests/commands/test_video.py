@@ -1,3 +1,4 @@
+import re
 import shutil
 from pathlib import Path
 
@@ -76,8 +77,10 @@ def test_damaged_frames_are_counted_and_other_sizes_scaled(run: Path, capsys: py
     (run / f"{stamp(4)}.jpg").write_text("no picture")
     write_picture(run / f"{stamp(5)}.jpg", picture(0)[::2, ::2])
     write_picture(run / f"{stamp(0)}.jpg", picture(0)[:159, :319])  # odd sizes are cut to even ones
+    write_picture(run / f"{stamp(6)}.jpg", picture(0)[:1, :1])
+    write_picture(run / f"{stamp(7)}.jpg", picture(0)[:, :1])
     assert video_command.main(["run1"]) == 0
-    assert "28 frames, 2.8 s; 2 pictures could not be read" in capsys.readouterr().out
+    assert "26 frames, 2.6 s; 4 pictures could not be read" in capsys.readouterr().out
     assert {frame.shape for frame in frames_of(Path("run1.mp4"))} == {(158, 318, 3)}
 
 
@@ -87,6 +90,33 @@ def test_a_recording_of_the_simulator_makes_a_clip_too(run: Path) -> None:
         shutil.move(path, run / "IMG" / f"center_{path.name}")
     assert video_command.main(["run1"]) == 0
     assert len(frames_of(Path("run1.mp4"))) == 30
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "1e30", "-1e300", "much"])
+def test_overlays_are_left_out_where_the_log_has_no_plausible_value(run: Path, value: str) -> None:
+    log = run / "driving_log.csv"
+    lines = log.read_text().splitlines(keepends=True)
+    log.write_text("".join([f"{stamp(0)}.jpg,,,{value},0.2,0,{value}\n", *lines[1:]]))
+    assert video_command.main(["run1", "--wheel", "--path", "--speed"]) == 0
+    bare, drawn = frames_of(Path("run1.mp4"))[:2]
+    assert (np.abs(bare.astype(int) - drawn) > 60).sum() > 200
+
+
+def test_only_overlays_need_the_columns_of_the_log(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = run / "driving_log.csv"
+    log.write_text("center,left,right,wheel\n" + log.read_text())
+    assert video_command.main(["run1"]) == 0
+    assert video_command.main(["run1", "--wheel"]) == 1
+    assert re.search("run1.driving_log.csv: the header .* leave out --wheel", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("name", [f"run1/{stamp(0)}.jpg", "run1/driving_log.csv", "model.pt"])
+def test_a_clip_replaces_no_frame_log_or_model(run: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
+    Path("model.pt").write_text("precious")
+    before = Path(name).read_bytes()
+    assert video_command.main(["run1", "--out", name]) == 1
+    assert f"--out {Path(name)}: a clip is an .mp4 file" in capsys.readouterr().err
+    assert Path(name).read_bytes() == before
 
 
 @pytest.mark.parametrize(

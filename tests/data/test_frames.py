@@ -45,3 +45,9 @@ def test_a_file_too_large_for_an_image_is_not_read(tmp_path: Path) -> None:
         file.truncate(1 << 40)  # sparse
     with pytest.raises(UnreadableImage, match="image too large"):
         read_frame(tmp_path / "center.jpg")
+
+
+def test_an_image_of_one_pixel_is_no_frame(tmp_path: Path) -> None:
+    write_picture(tmp_path / "center.jpg", picture(0)[:1, :1])
+    with pytest.raises(UnreadableImage, match="image too small"):
+        read_frame(tmp_path / "center.jpg")

@@ -62,7 +62,7 @@ class Capture:
             try:
                 self._open.close()
                 self._say(f"{rows} rows recorded in {self.folder}")
-            except OSError as error:  # no space for the buffered rows
+            except OSError as error:  # some network drives write only now
                 self._say(f"the last rows could not be written: {error}")
 
     def add(self, state: CarState) -> None:
