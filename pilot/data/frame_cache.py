@@ -1,30 +1,31 @@
 """Cache of decoded frames on disk, kept between trainings, so that each image is decoded only once.
 
 Each folder of images has one cache file, named by a digest of the images. It contains the frame rows that training can
-show, one frame after another, followed by the unusable images and their faults as JSON. It is renamed to its final name
-when complete and never changed afterwards, so that processes can share it and a crash loses only the unfinished file.
-Reading takes a tenth of the time of decoding and, unlike a memory-mapped file, no memory.
+show, with a checksum of each. It is renamed to its final name when complete and never changed afterwards, so that
+processes can share it and a crash loses only the unfinished file. Reading takes a tenth of the time of decoding and,
+unlike a memory-mapped file, no memory.
 """
 
-import contextlib
 import hashlib
-import json
+import logging
 import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import groupby
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 from platformdirs import user_cache_path
 
 from pilot.arrays import Frame
+from pilot.data.cache_file import CacheFile, CacheWriter
 from pilot.data.frames import UnreadableImage, read_frame
 from pilot.files import move_when_done
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import COLUMNS, ROWS
+
+log = logging.getLogger("pilot")
 
 DECODE_AHEAD = 256  # images decoded in parallel before they are written
 DAY = 86400.0  # seconds; older unfinished files were left by a crash
@@ -49,7 +50,8 @@ class FrameCache:
         self.rows, self.limit = rows, limit
         self.folder = folder or user_cache_path("behavioral-cloning-pilot") / "frames"
         self.error = ""
-        self._places: dict[str, tuple[Path, int]] = {}  # image → cache file, offset in bytes
+        self._files: dict[str, CacheFile] = {}  # by the folder of the images
+        self._numbers: dict[str, int] = {}  # image → number of its frame in the file of its folder
         self._size = (rows[1] - rows[0]) * COLUMNS * 3
         self._in_use: set[Path] = set()
 
@@ -59,13 +61,14 @@ class FrameCache:
         Raises:
             UnreadableImage: the file is missing, empty, truncated or not an image.
         """
-        if path in self._places:
-            file, offset = self._places[path]
+        file = self._files.get(os.path.dirname(path))
+        if file is not None and path in self._numbers:
             kept = np.empty((self.rows[1] - self.rows[0], COLUMNS, 3), np.uint8)
-            with contextlib.suppress(OSError), open(file, "rb", buffering=0) as source:  # noqa: PTH123 - twice as fast
-                source.seek(offset)
-                if source.readinto(kept.data) == self._size:  # else the cache folder was cleared
-                    return kept
+            try:
+                if file.read(self._numbers[path], kept):
+                    return kept  # else the cache folder was cleared
+            except ValueError as error:
+                self._discard(file, error)
         return self._decode(path)
 
     def check(self, paths: Sequence[str], progress: ProgressBar[str] = no_bar) -> dict[str, str]:
@@ -96,33 +99,43 @@ class FrameCache:
         file = self.folder / f"{_digest(paths, self.rows)}.frames"
         self._in_use.add(file)
         try:
-            faults = _kept_faults(file, len(paths) * self._size)
-            if faults is None:
-                return self._fill(file, paths, threads, shown)
+            kept = _load(file, len(paths), self._size) or self._fill(file, paths, threads, shown)
         except OSError as error:  # a full disk, a folder that cannot be written to
             self.error = str(error)
+            kept = None
+        if kept is None:
             return self._decode_all(paths, threads, shown)
-        list(zip(paths, shown, strict=False))
-        self._find_in(file, paths)
-        return faults
+        list(zip(paths, shown, strict=False))  # completes the bar's part
+        self._files[os.path.dirname(paths[0])] = kept
+        self._numbers |= {path: number for number, path in enumerate(paths)}
+        return kept.faults
 
-    def _fill(self, file: Path, paths: list[str], threads: ThreadPoolExecutor, shown: Iterator[str]) -> dict[str, str]:
-        """Decode the images of a folder and, if the limit permits, store them."""
+    def _fill(
+        self, file: Path, paths: list[str], threads: ThreadPoolExecutor, shown: Iterator[str]
+    ) -> CacheFile | None:
+        """Decode the images of a folder and store them if the limit permits."""
         if not self._make_room(len(paths) * self._size):
-            return self._decode_all(paths, threads, shown)
+            return None
         with move_when_done(file) as temporary, temporary.open("wb") as output:
-            faults = self._decode_all(paths, threads, shown, output)
-            output.write(json.dumps(faults).encode())
-            output.flush()
-            os.fsync(output.fileno())
-        self._find_in(file, paths)
-        return faults
+            writer = CacheWriter(output, self._size)
+            writer.finish(self._decode_all(paths, threads, shown, writer))
+        return CacheFile(file, len(paths), self._size)
 
-    def _find_in(self, file: Path, paths: list[str]) -> None:
-        self._places |= {path: (file, number * self._size) for number, path in enumerate(paths)}
+    def _discard(self, file: CacheFile, error: ValueError) -> None:
+        """Remove a damaged file: its images are decoded at every read, and stored again by the next training."""
+        log.warning("cached frames are discarded, their images are decoded again: %s", error)
+        self._files = {folder: kept for folder, kept in self._files.items() if kept is not file}
+        try:
+            file.path.unlink(missing_ok=True)
+        except OSError as failure:  # on Windows, if another process has it open
+            log.warning("%s; delete the file yourself", failure)
 
     def _decode_all(
-        self, paths: list[str], threads: ThreadPoolExecutor, shown: Iterator[str], output: IO[bytes] | None = None
+        self,
+        paths: list[str],
+        threads: ThreadPoolExecutor,
+        shown: Iterator[str],
+        writer: CacheWriter | None = None,
     ) -> dict[str, str]:
         faults = {}
         for start in range(0, len(paths), DECODE_AHEAD):
@@ -131,8 +144,8 @@ class FrameCache:
                 next(shown, None)
                 if isinstance(frame, str):
                     faults[path] = frame
-                if output:
-                    output.write(bytes(self._size) if isinstance(frame, str) else frame.data)
+                if writer:
+                    writer.add(None if isinstance(frame, str) else frame)
         return faults
 
     def _try(self, path: str) -> Frame | str:
@@ -160,25 +173,25 @@ class FrameCache:
         return left >= 0
 
 
-def _kept_faults(file: Path, end: int) -> dict[str, str] | None:
-    """Return the faults stored in a cache file after the `end` bytes of its frames; None if there is no such file."""
+def _load(file: Path, count: int, size: int) -> CacheFile | None:
+    """Return a cache file and mark it as used; None if there is none, or it is damaged."""
     try:
-        with file.open("rb") as kept:
-            kept.seek(end)
-            faults: dict[str, str] = json.loads(kept.read())
+        kept = CacheFile(file, count, size)
         os.utime(file)  # `_make_room` removes the least recently used first
     except (FileNotFoundError, ValueError):
         return None
-    return faults
+    return kept
 
 
 def _digest(paths: Iterable[str], rows: tuple[int, int]) -> str:
-    """Return a digest of the images (path, size, time of last change) and of the rows stored."""
+    """Return a digest of the images (path, size, times of last change) and of the rows stored."""
     digest = hashlib.sha256(repr(rows).encode())
     for path in paths:
         try:
-            stat = Path(path).stat()
-            digest.update(f"{Path(path).absolute()}|{stat.st_size}|{stat.st_mtime_ns}\n".encode())
+            stat = os.stat(path)
+            # a program can set the modification time, but not the change time (on Windows: time of creation)
+            times = f"{stat.st_mtime_ns}|{stat.st_ctime_ns}"
+            digest.update(f"{os.path.abspath(path)}|{stat.st_size}|{times}\n".encode())
         except OSError:
             digest.update(f"{path}|missing\n".encode())
     return digest.hexdigest()[:24]

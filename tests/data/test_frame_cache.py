@@ -1,6 +1,7 @@
 import os
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from conftest import picture, write_picture
@@ -66,6 +67,47 @@ def test_a_changed_picture_is_decoded_anew(pictures: list[str], tmp_path: Path) 
     os.utime(pictures[2], (0, 0))
     cache = checked(FrameCache(ROWS, limit=LIMIT, folder=tmp_path / "cache"), pictures)
     np.testing.assert_array_equal(cache.read(pictures[2]), read_frame(pictures[2])[60:150])
+
+
+def test_a_picture_replaced_with_the_same_size_and_time_is_decoded_anew(pictures: list[str], tmp_path: Path) -> None:
+    for brightness in (0, 0x77):
+        frame = np.full((160, 320, 3), brightness, np.uint8)
+        png = cv2.imencode(".png", frame, [cv2.IMWRITE_PNG_COMPRESSION, 0])[1]  # not compressed: always the same size
+        Path(pictures[0]).write_bytes(png.tobytes())
+        os.utime(pictures[0], (0, 0))
+        cache = checked(FrameCache(ROWS, limit=LIMIT, folder=tmp_path / "cache"), pictures)
+        assert cache.read(pictures[0]).min() == brightness
+
+
+@pytest.mark.parametrize("place", [0, FRAME + 4321, 2 * FRAME - 1, 4 * FRAME, 4 * FRAME + 31, -33, -1])
+def test_damaged_bytes_are_never_served(
+    pictures: list[str], tmp_path: Path, caplog: pytest.LogCaptureFixture, place: int
+) -> None:
+    Path(pictures[3]).write_bytes(b"")
+    folder = tmp_path / "cache"
+    early = checked(FrameCache(ROWS, limit=LIMIT, folder=folder), pictures)
+    (file,) = folder.iterdir()
+    damaged = bytearray(file.read_bytes())
+    damaged[place] ^= 0x10
+    file.write_bytes(damaged)
+    late = FrameCache(ROWS, limit=LIMIT, folder=folder)
+    assert late.check(pictures) == {pictures[3]: "image empty"}
+    for cache in (late, early):
+        for path in pictures[:3]:
+            np.testing.assert_array_equal(cache.read(path), read_frame(path)[60:150])
+    if place < 3 * FRAME and place >= 0:
+        assert "cached frames are discarded" in caplog.text
+        assert list(folder.iterdir()) == []  # stored again by the next training
+
+
+def test_a_shortened_file_is_not_used(pictures: list[str], tmp_path: Path) -> None:
+    folder = tmp_path / "cache"
+    checked(FrameCache(ROWS, limit=LIMIT, folder=folder), pictures)
+    (file,) = folder.iterdir()
+    for size in (3 * FRAME, 4 * FRAME, 4 * FRAME + 20):
+        os.truncate(file, size)
+        cache = checked(FrameCache(ROWS, limit=LIMIT, folder=folder), pictures)
+        np.testing.assert_array_equal(cache.read(pictures[2]), read_frame(pictures[2])[60:150])
 
 
 def test_the_longest_unused_recording_makes_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
