@@ -5,15 +5,17 @@ A recording is a folder with a driving_log.csv and a folder IMG/ with its images
 
 import math
 import os
+from array import array
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from pilot.data.frame_cache import FrameCache
-from pilot.data.log_format import LOG_NAME, NUMBERS, LogLine, parse_log, time_of
+from pilot.data.log_format import LOG_NAME, NUMBERS, LogLine, read_log, time_of
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import CAMERAS
 
@@ -116,26 +118,73 @@ def _nothing_usable(logs: Sequence[Path], left_out: Sequence[Counter[str]]) -> s
 
 
 def _read_log(log: Path, recording: int) -> tuple[pd.DataFrame, Counter[str]]:
+    """Return the usable rows of a log, judged without reading the images, and counts of what is left out."""
+    images = _images_beside(log)
+    columns = _Columns()
     try:
-        lines = list(parse_log(log.read_bytes().decode("utf-8-sig", errors="replace")))
+        for line in read_log(log):
+            columns.add(line, images)
     except ValueError as error:
         names = ",".join((*CAMERAS, *NUMBERS))
         raise NoUsableData(f"{log}: {error}. Give the columns their usual names: {names}") from error
-    images = _images_beside(log)
-    usual = Counter(len(line.values) for line in lines).most_common(1)
-    left_out: Counter[str] = Counter()
-    rows = []
-    for line in lines:
-        if fault := _row_fault(line, expected=usual[0][0], images=images):
-            left_out[fault] += 1
-        else:
-            rows.append(_row(line, images, recording))
-            missing = sum(name.lower() not in images for name in line.images.values())
-            left_out.update({"side image missing": missing} if missing else {})
-    columns = ["recording", "line", "time", *CAMERAS, *NUMBERS]
-    frame = pd.DataFrame(rows, columns=columns)
-    frame["time"] = _fill_times(frame["time"])
-    return frame, left_out
+    table = columns.table(recording)
+    faults = _faults(table)
+    left_out = Counter(faults[faults != ""].tolist())
+    rows = table[faults == ""].reset_index(drop=True)
+    left_out += Counter({"side image missing": int(rows["missing"].sum())})
+    rows["time"] = _fill_times(rows["time"])
+    for camera in CAMERAS:
+        rows[camera] = rows[camera].replace(FOREIGN, "")
+    return rows.drop(columns=["values", "missing"]), left_out
+
+
+class _Columns:
+    """Columns of a log, with 8 bytes per number: a log may have a million rows."""
+
+    def __init__(self) -> None:
+        self.whole = {name: array("q") for name in ("line", "values", "missing")}
+        self.numbers = {name: array("d") for name in ("time", *NUMBERS)}
+        self.paths: dict[str, list[str]] = {camera: [] for camera in CAMERAS}
+
+    def add(self, line: LogLine, images: dict[str, str]) -> None:
+        """Add a line; `images` are the paths by names in lower case."""
+        names = {camera: name.lower() for camera, name in line.images.items()}
+        self.whole["line"].append(line.number)
+        self.whole["values"].append(len(line.values))
+        self.whole["missing"].append(sum(name not in images for name in names.values()) if names else -1)
+        self.numbers["time"].append(time_of(line.images.get("center", "")))
+        for name in NUMBERS:
+            self.numbers[name].append(_number(line.values.get(name, "")))
+        for camera in CAMERAS:
+            self.paths[camera].append(images.get(names.get(camera, ""), ""))
+
+    def table(self, recording: int) -> pd.DataFrame:
+        """Return the columns of `DrivingLog.rows`, the number of values, and of images missing (-1: none is named)."""
+        return pd.DataFrame(
+            {
+                "recording": recording,
+                "line": np.array(self.whole["line"], np.int64),
+                "time": np.array(self.numbers["time"]),
+                **{camera: np.array(self.paths[camera], object) for camera in CAMERAS},
+                **{name: np.array(self.numbers[name]) for name in NUMBERS},
+                **{name: np.array(self.whole[name], np.int64) for name in ("values", "missing")},
+            }
+        )
+
+
+def _faults(table: pd.DataFrame) -> "pd.Series[str]":
+    """Return why each row cannot be used; "" if no fault is found."""
+    usual = Counter(table["values"].tolist()).most_common(1)
+    expected = min(usual[0][0], len(NUMBERS)) if usual else 0
+    steering, center = table["steering"], table["center"]
+    faults = {
+        "row incomplete": (table["values"] < expected) | (table["missing"] < 0),
+        "steering not a number": steering.isna(),
+        "steering outside -1..1": steering.abs() > 1,
+        "image missing": center == "",
+        "image linked from elsewhere": center == FOREIGN,
+    }
+    return pd.Series(np.select(list(faults.values()), list(faults), ""), index=table.index, dtype=object)
 
 
 def _images_beside(log: Path) -> dict[str, str]:
@@ -158,29 +207,6 @@ def _images_beside(log: Path) -> dict[str, str]:
 def _is_within(path: Path | str, root: str) -> bool:
     real = os.path.realpath(path)
     return real == root or real.startswith(root + os.sep)
-
-
-def _row_fault(line: LogLine, expected: int, images: dict[str, str]) -> str | None:
-    """Return why a row cannot be used, without reading its images; None if no fault is found."""
-    if len(line.values) < min(expected, len(NUMBERS)) or not line.images:
-        return "row incomplete"
-    steering = _number(line.values.get("steering", ""))
-    if math.isnan(steering):
-        return "steering not a number"
-    if not -1.0 <= steering <= 1.0:
-        return "steering outside -1..1"
-    if line.images.get("center", "").lower() not in images:
-        return "image missing"
-    if images[line.images["center"].lower()] == FOREIGN:
-        return "image linked from elsewhere"
-    return None
-
-
-def _row(line: LogLine, images: dict[str, str], recording: int) -> dict[str, object]:
-    paths = {camera: images.get(line.images.get(camera, "").lower(), "").replace(FOREIGN, "") for camera in CAMERAS}
-    numbers = {name: _number(line.values.get(name, "")) for name in NUMBERS}
-    time = time_of(line.images["center"])
-    return {"recording": recording, "line": line.number, "time": time, **paths, **numbers}
 
 
 def _number(text: str) -> float:

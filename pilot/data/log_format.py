@@ -9,9 +9,10 @@ import csv
 import itertools
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from pathlib import Path
 
 from pilot.vehicle import CAMERAS, PLAUSIBLE_SPEED_MPH
 
@@ -24,12 +25,14 @@ RANGES = {"steering": (-1.0, 1.0), "throttle": (0.0, 1.0), "brake": (0.0, 1.0), 
 # Divisors that make the changes of the values from row to row comparable.
 SCALES = {"steering": 1.0, "throttle": 1.0, "brake": 1.0, "speed": 3.0}
 
+SAMPLE = 2000  # characters at the beginning from which the separator is recognised
+
 TIME_STAMP = re.compile(r"(\d{4})_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d{3})")
 IMAGE_NAME = re.compile(r"\.(jpe?g|png|bmp)\s*$", re.IGNORECASE)
 WHOLE_NUMBER = re.compile(r"-?\d+(E[+-]?\d+)?", re.IGNORECASE)
 
 
-@dataclass
+@dataclass(slots=True)
 class LogLine:
     """One line of a log.
 
@@ -46,40 +49,58 @@ class LogLine:
     fields: list[str] = field(default_factory=list)
 
 
-def parse_log(text: str) -> Iterator[LogLine]:
-    """Parse the text of a driving_log.csv.
+def read_log(log: Path) -> Iterator[LogLine]:
+    """Parse a driving_log.csv, line by line: a log may be longer than the memory.
 
     Yields:
         The lines, except the header and those without content.
 
     Raises:
+        OSError: the file cannot be read.
         ValueError: the header has no steering column after the images.
     """
-    records = list(_split(text))
+    with log.open(encoding="utf-8-sig", errors="replace") as file:
+        yield from parse_log(file)
+
+
+def parse_log(lines: Iterable[str]) -> Iterator[LogLine]:
+    """Parse the lines of a log, as `read_log` does."""
+    records = _split(lines)
     columns = list(NUMBERS)
-    if records and (header := _header(records[0][1])):
-        columns = header
-        records = records[1:]
-    lines = [_parse_record(number, record) for number, record in records]
-    lines = [line for line in lines if line.images or line.fields]
-    if _has_decimal_commas(lines, len(columns)):
-        _join_decimal_commas(lines, columns)
+    if first := next(records, None):
+        header = _header(first[1])
+        columns = header or columns
+        records = records if header else itertools.chain([first], records)
+    parsed = (_parse_record(number, record) for number, record in records)
+    parsed = (line for line in parsed if line.images or line.fields)
+    held = list(_until_point(parsed, len(columns)))  # usually one line: most logs have decimal points in each
+    if _has_decimal_commas(held, len(columns)):
+        _join_decimal_commas(held, columns)
+        yield from held
     else:
-        for line in lines:
+        for line in itertools.chain(held, parsed):
             line.values = dict(zip(columns, line.fields, strict=False))
-    yield from lines
+            yield line
 
 
-def _split(text: str) -> Iterator[tuple[int, list[str]]]:
+def _split(lines: Iterable[str]) -> Iterator[tuple[int, list[str]]]:
     """Yield the line number and the stripped fields of each non-empty line."""
-    sample = text[:2000]
+    parts = (part for line in lines for part in line.replace("\0", "").splitlines())
+    head = list(itertools.islice(parts, SAMPLE))
+    sample = "\n".join(head)[:SAMPLE]
     separator = next((mark for mark in ";\t" if sample.count(mark) > sample.count(",")), ",")
-    for number, line in enumerate(text.replace("\0", "").splitlines(), start=1):
-        record = [part.strip() for part in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+    for number, line in enumerate(itertools.chain(head, parts), start=1):
+        record = [part.strip() for part in _fields(line, separator)]
         if separator != "," or '"' in line:  # here, a comma within a field is a decimal comma
             record = [re.sub(r"^(-?\d+),(\d+)", r"\1.\2", part) for part in record]
         if any(record):
             yield number, record
+
+
+def _fields(line: str, separator: str) -> list[str]:
+    if '"' in line and len(line) <= csv.field_size_limit():
+        return next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    return line.split(separator)
 
 
 def _header(record: Sequence[str]) -> list[str]:
@@ -98,7 +119,8 @@ def _parse_record(number: int, record: Sequence[str]) -> LogLine:
     rest = 0
     for index, part in enumerate(record):
         if IMAGE_NAME.search(part) and len(line.images) < len(CAMERAS):
-            line.images[_camera(part, len(line.images))] = re.split(r"[/\\]", part)[-1]
+            name = part.replace("\\", "/").rpartition("/")[2]
+            line.images[_camera(name, len(line.images))] = name
             rest = index + 1
         elif line.images and _is_number(part):
             break
@@ -109,9 +131,9 @@ def _parse_record(number: int, record: Sequence[str]) -> LogLine:
     return line
 
 
-def _camera(path: str, position: int) -> str:
-    name = re.split(r"[/\\]", path)[-1].lower()
-    return next((camera for camera in CAMERAS if name.startswith(camera)), CAMERAS[position])
+def _camera(name: str, position: int) -> str:
+    lower = name.lower()
+    return next((camera for camera in CAMERAS if lower.startswith(camera)), CAMERAS[position])
 
 
 def _is_number(text: str) -> bool:
@@ -158,11 +180,22 @@ def format_line(images: Sequence[str], steering: float, throttle: float, speed: 
 # Decimal commas
 
 
+def _until_point(lines: Iterable[LogLine], columns: int) -> Iterator[LogLine]:
+    """Yield the lines up to the first one with a decimal point."""
+    for line in lines:
+        yield line
+        if _has_point(line, columns):
+            break
+
+
+def _has_point(line: LogLine, columns: int) -> bool:
+    return any(re.match(r"-?\d*\.\d", part) for part in line.fields[:columns])
+
+
 def _has_decimal_commas(lines: Sequence[LogLine], columns: int) -> bool:
     """Return whether commas split numbers: there are no decimal points, and a row has more numbers than columns."""
     runs = [_whole_numbers(line.fields) for line in lines]
-    pointed = any(re.match(r"-?\d*\.\d", part) for line in lines for part in line.fields[:columns])
-    return not pointed and any(len(run) > columns for run in runs)
+    return not any(_has_point(line, columns) for line in lines) and any(len(run) > columns for run in runs)
 
 
 def _whole_numbers(fields: Sequence[str]) -> list[str]:

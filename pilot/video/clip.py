@@ -1,6 +1,5 @@
 """Encoding of a recording as an H.264 video, with optional overlays."""
 
-import csv
 import itertools
 import statistics
 from collections.abc import Callable, Iterable, Iterator
@@ -14,7 +13,7 @@ import numpy as np
 
 from pilot.arrays import Frame
 from pilot.data.frames import UnreadableImage, read_frame_as_is
-from pilot.data.log_format import LOG_NAME, RANGES, LogLine, parse_log, time_of
+from pilot.data.log_format import LOG_NAME, RANGES, LogLine, read_log, time_of
 from pilot.files import move_when_done
 from pilot.progress import ProgressBar, no_bar
 from pilot.video.overlays import draw_path, draw_speed, draw_wheel
@@ -105,8 +104,8 @@ def read_log_entries(folder: Path) -> dict[str, LogEntry]:
     if not log.is_file():
         return {}
     try:
-        lines = list(parse_log(log.read_bytes().decode("utf-8-sig", errors="replace")))
-    except (ValueError, csv.Error) as error:
+        lines = list(read_log(log))
+    except ValueError as error:
         raise ValueError(f"{log}: {error}. Mend it, or leave out --wheel, --speed and --path") from error
     return {
         line.images["center"]: LogEntry(_value(line, "steering"), _value(line, "speed"))
