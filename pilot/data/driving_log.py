@@ -19,7 +19,7 @@ from pilot.data.log_format import LOG_NAME, NUMBERS, LogLine, read_log, time_of
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import CAMERAS
 
-FOREIGN = "\0"  # no path contains it
+FOREIGN = "/"  # no image has this path
 SECONDS_PER_ROW = 0.1  # assumed where the names of the images contain no time
 
 
@@ -148,15 +148,15 @@ class _Columns:
 
     def add(self, line: LogLine, images: dict[str, str]) -> None:
         """Add a line; `images` are the paths by names in lower case."""
-        names = {camera: name.lower() for camera, name in line.images.items()}
+        found = {camera: images.get(name.lower()) for camera, name in line.images.items()}
         self.whole["line"].append(line.number)
         self.whole["values"].append(len(line.values))
-        self.whole["missing"].append(sum(name not in images for name in names.values()) if names else -1)
+        self.whole["missing"].append(list(found.values()).count(None) if found else -1)
         self.numbers["time"].append(time_of(line.images.get("center", "")))
         for name in NUMBERS:
             self.numbers[name].append(_number(line.values.get(name, "")))
         for camera in CAMERAS:
-            self.paths[camera].append(images.get(names.get(camera, ""), ""))
+            self.paths[camera].append(found.get(camera) or "")
 
     def table(self, recording: int) -> pd.DataFrame:
         """Return the columns of `DrivingLog.rows`, the number of values, and of images missing (-1: none is named)."""

@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
 
 from pilot.vehicle import CAMERAS, PLAUSIBLE_SPEED_MPH
@@ -28,7 +29,7 @@ SCALES = {"steering": 1.0, "throttle": 1.0, "brake": 1.0, "speed": 3.0}
 SAMPLE = 2000  # characters at the beginning from which the separator is recognised
 
 TIME_STAMP = re.compile(r"(\d{4})_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d{3})")
-IMAGE_NAME = re.compile(r"\.(jpe?g|png|bmp)\s*$", re.IGNORECASE)
+IMAGE_ENDINGS = (".jpg", ".jpeg", ".png", ".bmp")
 WHOLE_NUMBER = re.compile(r"-?\d+(E[+-]?\d+)?", re.IGNORECASE)
 
 
@@ -106,7 +107,7 @@ def _fields(line: str, separator: str) -> list[str]:
 def _header(record: Sequence[str]) -> list[str]:
     """Return the names of the columns after the images if the record is a header, else an empty list."""
     names = [STEERING_NAMES.get(name.lower(), name.lower()) for name in record]
-    if not set(names) & {*CAMERAS, *NUMBERS} or any(IMAGE_NAME.search(name) for name in names):
+    if not set(names) & {*CAMERAS, *NUMBERS} or any(name.endswith(IMAGE_ENDINGS) for name in names):
         return []
     last_camera = max((index for index, name in enumerate(names) if name in CAMERAS), default=-1)
     if "steering" not in names[last_camera + 1 :]:
@@ -118,7 +119,7 @@ def _parse_record(number: int, record: Sequence[str]) -> LogLine:
     line = LogLine(number)
     rest = 0
     for index, part in enumerate(record):
-        if IMAGE_NAME.search(part) and len(line.images) < len(CAMERAS):
+        if part.lower().endswith(IMAGE_ENDINGS) and len(line.images) < len(CAMERAS):
             name = part.replace("\\", "/").rpartition("/")[2]
             line.images[_camera(name, len(line.images))] = name
             rest = index + 1
@@ -133,7 +134,10 @@ def _parse_record(number: int, record: Sequence[str]) -> LogLine:
 
 def _camera(name: str, position: int) -> str:
     lower = name.lower()
-    return next((camera for camera in CAMERAS if lower.startswith(camera)), CAMERAS[position])
+    for camera in CAMERAS:
+        if lower.startswith(camera):
+            return camera
+    return CAMERAS[position]
 
 
 def _is_number(text: str) -> bool:
@@ -149,9 +153,17 @@ def time_of(name: str) -> float:
     stamp = TIME_STAMP.search(name)
     if stamp is None:
         return math.nan
-    *date, milliseconds = map(int, stamp.groups())
+    year, month, day, hour, minute, second, milliseconds = map(int, stamp.groups())
+    if hour > 23 or minute > 59 or second > 59:
+        return math.nan
+    return _midnight(year, month, day) + 3600 * hour + 60 * minute + second + milliseconds / 1000
+
+
+@lru_cache
+def _midnight(year: int, month: int, day: int) -> float:
+    """Return the beginning of a day in seconds since 1970; NaN if there is no such day."""
     try:
-        return (datetime(*date) - datetime(1970, 1, 1)).total_seconds() + milliseconds / 1000  # type: ignore[arg-type]
+        return (datetime(year, month, day) - datetime(1970, 1, 1)).total_seconds()
     except ValueError:
         return math.nan
 
