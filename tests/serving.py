@@ -54,7 +54,7 @@ class Server:
     def wait_for(self, words: str, seconds: float = 60) -> None:
         deadline = time.monotonic() + seconds
         while words not in self.text():
-            assert self.process.poll() is None, self.text()
+            assert self.process.poll() is None or words in self.text(), self.text()
             assert time.monotonic() < deadline, self.text()
             time.sleep(0.02)
 

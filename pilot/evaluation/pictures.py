@@ -95,7 +95,7 @@ def draw_paths(figure: Figure, axis: Axes, trajectories: Sequence[Trajectory]) -
                 label=f"intervention: {reason} ({len(places)})",
             )
     if axis.get_legend_handles_labels()[1]:
-        axis.legend(loc="best", fontsize=9)
+        axis.legend(loc="upper right", fontsize=9)
 
 
 def _draw_cross_track_errors(axis: Axes, track: Track, trajectories: Sequence[Trajectory]) -> None:

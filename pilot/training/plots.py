@@ -38,7 +38,7 @@ def steering_histogram(recorded: ArrayLike, before: ArrayLike, after: ArrayLike,
     weights = np.asarray(weight)
     right.hist(np.asarray(after), BINS, weights=weights, color="tab:blue", alpha=0.7, label="after balancing")
     right.set(title="labels of the training pictures", xlabel="steering (right is positive)", ylabel="pictures")
-    right.legend()
+    right.legend(loc="upper right")
     return figure
 
 
@@ -112,7 +112,7 @@ def training_curves(history: Sequence[dict[str, float]], best_epoch: int, baseli
         axis.axvline(best_epoch, color="tab:green", linestyle=":", label=f"kept: epoch {best_epoch}")
         axis.set(xlabel="epoch")
         axis.grid(alpha=0.3)
-        axis.legend()
+        axis.legend(loc="upper right")
     return figure
 
 

@@ -305,6 +305,14 @@ def test_the_page_and_its_events(server: Server) -> None:
     assert shown["samples"]
 
 
+def throttles(client: WireClient, *, speed: str, sign: int) -> None:
+    """Drive at a speed until the throttle has a sign; the first answers may be repetitions of the one before."""
+    for _ in range(10):
+        if sign * float(steers(client, telemetry(IMAGE, speed=speed))[1]["throttle"]) > 0:
+            return
+    pytest.fail(f"the throttle at {speed} mph never had the sign {sign}")
+
+
 def test_the_set_speed_is_changed_on_the_page(server: Server) -> None:
     def post(body: bytes, kind: str = "application/json") -> int:
         request = urllib.request.Request(f"http://127.0.0.1:{server.port}/speed", body, {"Content-Type": kind})
@@ -315,9 +323,9 @@ def test_the_set_speed_is_changed_on_the_page(server: Server) -> None:
 
     with server.free_client() as client:
         assert post(b'{"mph": 0}') == 200
-        assert float(steers(client, telemetry(IMAGE, speed="20"))[1]["throttle"]) < 0
+        throttles(client, speed="20", sign=-1)
         assert post(b'{"mph": 30}') == 200
-        assert float(steers(client, telemetry(IMAGE, speed="5"))[1]["throttle"]) > 0
+        throttles(client, speed="5", sign=1)
     assert [post(b'{"mph": 31}'), post(b'{"mph": "x"}'), post(b"nonsense")] == [400] * 3
     assert post(b'{"mph": 9}', "text/plain") == 400
     odd = [b'{"mph": true}', b'{"mph": NaN}', b'{"mph": 1e999}', b'[{"mph": 9}]', b'"mph"', b"9", b"[" * 1000, b"\xff"]

@@ -50,5 +50,6 @@ def test_ctrl_c_ends_the_server_during_an_attack(server: Server) -> None:
         time.sleep(0.5)
         began = time.monotonic()
         server.process.send_signal(signal.SIGINT)
-        server.process.wait(10)
-        assert time.monotonic() - began < 4  # s, of which the interpreter needs some to end
+        server.wait_for("Interrupted", 4)
+        assert time.monotonic() - began < 4  # s; ending the interpreter, which follows, may take longer
+        server.process.wait(30)
