@@ -22,6 +22,7 @@ from typing import Any
 
 os.environ["OMP_NUM_THREADS"] = "1"  # PyTorch reads it when it is imported
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -73,15 +74,16 @@ def seconds(run: Callable[[], object], repeats: int = 20) -> float:
 def stages(training: Training) -> dict[str, float]:
     """Return the milliseconds per image of each stage of a step, and of the whole step."""
     loader, network = training.loader, training.network.train()
-    drawn, numbers = loader._draw(0), range(PICTURES)
-    paths = [loader.images[number] for number in numbers]
+    drawn, numbers = loader._draw(0), np.arange(PICTURES)
+    views, photometric = loader._views(numbers, drawn), drawn.photometric[:PICTURES]
+    paths = loader.images[:PICTURES]
     uncached = FrameCache(training.cache.rows)
     kept = [training.cache.read(path) for path in paths]
 
     def warp() -> list[Any]:
         return [
-            render(frame, drawn.homographies[number], loader.rows, training.cache.rows[0])
-            for number, frame in zip(numbers, kept, strict=True)
+            render(frame, homography, loader.rows, training.cache.rows[0])
+            for homography, frame in zip(views.homography, kept, strict=True)
         ]
 
     warped = warp()
@@ -93,9 +95,10 @@ def stages(training: Training) -> dict[str, float]:
     times = {
         "decode the JPEG (the first time only)": seconds(lambda: [uncached.read(path) for path in paths]),
         "read what was decoded": seconds(lambda: [training.cache.read(path) for path in paths]),
-        "draw the augmentations": seconds(lambda: loader._draw(0)) * PICTURES / len(loader.images),
+        "draw the augmentations": seconds(lambda: loader._draw(0)) * PICTURES / len(loader.images)
+        + seconds(lambda: loader._views(numbers, drawn)),
         "augment: warp": seconds(warp),
-        "augment: light and shadow": seconds(lambda: list(map(apply_photometric, warped, drawn.photometric))),
+        "augment: light and shadow": seconds(lambda: list(map(apply_photometric, warped, photometric))),
         "scale the pixels": seconds(lambda: network.prepare(crop)),
         "forward": seconds(lambda: network.layers(pixels)),
         "backward": seconds(lambda: torch.autograd.grad(loss, training.parameters, retain_graph=True)),

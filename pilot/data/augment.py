@@ -7,11 +7,12 @@ augmentations change the colours of pixels and leave the label unchanged.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from pilot import camera
 from pilot.arrays import Floats, Frame
@@ -148,12 +149,14 @@ class Geometric:
 
     Attributes:
         name: name of the AugmentConfig field with its probability.
-        draw: function that changes each of n views by random parameters.
+        draw: function that draws the parameters of n views: n x number of parameters.
+        apply: function that changes n views by their parameters.
         examples: function that returns the views at the limits of the parameters' range, by description.
     """
 
     name: str
-    draw: Callable[[View, AugmentConfig, np.random.Generator], View]
+    draw: Callable[[int, AugmentConfig, np.random.Generator], Floats]
+    apply: Callable[[View, Floats, AugmentConfig], View]
     examples: Callable[[View, AugmentConfig], dict[str, View]]
 
 
@@ -176,11 +179,15 @@ class Photometric:
     examples: Callable[[AugmentConfig], dict[str, Floats]]
 
 
-def _draw_viewpoint(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
-    n = np.size(view.steering)
+def _draw_viewpoint(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
+    """Draw the arguments of `shift_viewpoint`: n x (offset in metres, heading in radians)."""
     offset = rng.uniform(-config.viewpoint_metres, config.viewpoint_metres, n)
     heading = np.radians(rng.uniform(-config.viewpoint_degrees, config.viewpoint_degrees, n))
-    return shift_viewpoint(view, offset, heading, config.viewpoint_lookahead)
+    return np.stack([offset, heading], 1)
+
+
+def _apply_viewpoint(view: View, parameters: Floats, config: AugmentConfig) -> View:
+    return shift_viewpoint(view, parameters[:, 0], parameters[:, 1], config.viewpoint_lookahead)
 
 
 def _viewpoint_examples(view: View, config: AugmentConfig) -> dict[str, View]:
@@ -194,8 +201,8 @@ def _viewpoint_examples(view: View, config: AugmentConfig) -> dict[str, View]:
     }
 
 
-def _draw_rotation(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
-    return rotate(view, rng.uniform(-config.rotation_degrees, config.rotation_degrees, np.size(view.steering)))
+def _draw_rotation(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
+    return rng.uniform(-config.rotation_degrees, config.rotation_degrees, (n, 1))
 
 
 def _rotation_examples(view: View, config: AugmentConfig) -> dict[str, View]:
@@ -203,9 +210,9 @@ def _rotation_examples(view: View, config: AugmentConfig) -> dict[str, View]:
     return {f"rotation by {sign * degrees:+g}°": rotate(view, sign * degrees) for sign in (-1, 1)}
 
 
-def _draw_crop(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
-    n = np.size(view.steering)
-    return crop_height(view, rng.uniform(*config.crop_top, n), rng.uniform(*config.crop_bottom, n))
+def _draw_crop(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
+    """Draw the arguments of `crop_height`: n x (top, bottom)."""
+    return np.stack([rng.uniform(*config.crop_top, n), rng.uniform(*config.crop_bottom, n)], 1)
 
 
 def _crop_examples(view: View, config: AugmentConfig) -> dict[str, View]:
@@ -237,10 +244,12 @@ def _apply_shadow(pixels: Frame, parameters: Floats) -> Frame:
 
 
 GEOMETRIC: list[Geometric] = [
-    Geometric("viewpoint", _draw_viewpoint, _viewpoint_examples),
-    Geometric("rotation", _draw_rotation, _rotation_examples),
-    Geometric("crop", _draw_crop, _crop_examples),
-    Geometric("flip", lambda view, *_: flip(view), lambda view, _: {"flip": flip(view)}),
+    Geometric("viewpoint", _draw_viewpoint, _apply_viewpoint, _viewpoint_examples),
+    Geometric("rotation", _draw_rotation, lambda view, drawn, _: rotate(view, drawn[:, 0]), _rotation_examples),
+    Geometric("crop", _draw_crop, lambda view, drawn, _: crop_height(view, drawn[:, 0], drawn[:, 1]), _crop_examples),
+    Geometric(
+        "flip", lambda n, *_: np.empty((n, 0)), lambda view, *_: flip(view), lambda view, _: {"flip": flip(view)}
+    ),
 ]
 PHOTOMETRIC: list[Photometric] = [
     Photometric(
@@ -263,12 +272,39 @@ PHOTOMETRIC: list[Photometric] = [
 # All augmentations together. Drawing for n frames at once takes hardly longer than drawing for one
 
 
-def draw_views(view: View, config: AugmentConfig, rng: np.random.Generator) -> View:
-    """Apply each geometric augmentation, with its probability, to n views."""
+@dataclass(frozen=True)
+class DrawnGeometric:
+    """A geometric augmentation as drawn for n views.
+
+    Attributes:
+        augmentation: the augmentation.
+        chosen: n booleans: the views that it changes.
+        parameters: n x its number of parameters.
+    """
+
+    augmentation: Geometric
+    chosen: NDArray[np.bool_]
+    parameters: Floats
+
+
+def draw_geometric(n: int, config: AugmentConfig, rng: np.random.Generator) -> list[DrawnGeometric]:
+    """Draw the parameters of the geometric augmentations for n views; without those that change none of the views."""
+    drawn = []
     for augmentation in GEOMETRIC:
-        changed = augmentation.draw(view, config, rng)
-        view = changed.where(rng.random(np.size(view.steering)) < getattr(config, augmentation.name), view)
-    return view
+        parameters = augmentation.draw(n, config, rng)
+        chosen = rng.random(n) < getattr(config, augmentation.name)
+        drawn += [DrawnGeometric(augmentation, chosen, parameters)] if chosen.any() else []
+    return drawn
+
+
+def apply_geometric(
+    views: View, drawn: Sequence[DrawnGeometric], index: NDArray[np.int64], config: AugmentConfig
+) -> View:
+    """Change views, whose numbers among the n of `draw_geometric` are `index`, by what was drawn for them."""
+    for draw in drawn:
+        changed = draw.augmentation.apply(views, draw.parameters[index], config)
+        views = changed.where(draw.chosen[index], views)
+    return views
 
 
 def draw_photometric(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:

@@ -17,12 +17,21 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pilot.arrays import Floats, Frame, Matrix
-from pilot.data.augment import AugmentConfig, apply_photometric, draw_photometric, draw_views, flip, rotate
+from pilot.arrays import Floats, Frame
+from pilot.data.augment import (
+    AugmentConfig,
+    DrawnGeometric,
+    apply_geometric,
+    apply_photometric,
+    draw_geometric,
+    draw_photometric,
+    flip,
+    rotate,
+)
 from pilot.data.device_augment import DrawnAugmentations
 from pilot.data.frame_cache import FrameCache
 from pilot.data.frames import UnreadableImage
-from pilot.data.view import View, render
+from pilot.data.view import IDENTITY, View, render
 from pilot.vehicle import COLUMNS, ROWS
 
 
@@ -115,66 +124,74 @@ class BatchLoader:
         numbers = np.arange(len(self.images))
         return numbers if self.augment is None else np.random.default_rng([self.seed, epoch]).permutation(numbers)
 
-    def _draw(self, epoch: int) -> "_EpochViews":
+    def _draw(self, epoch: int) -> "_Drawn":
         """Draw the augmentations of all samples for an epoch."""
         n = len(self.images)
-        view = View(self.steering)
-        view = rotate(view, self.rotation).where(self.rotation != 0, view)
-        view = flip(view).where(self.flip, view)
-        photometric = np.empty((n, 0))
-        if self.augment:
-            rng = np.random.default_rng([self.seed, epoch, 1])
-            view, photometric = draw_views(view, self.augment, rng), draw_photometric(n, self.augment, rng)
-        return _EpochViews(np.asarray(view.steering), view.homography, photometric)
+        if self.augment is None:
+            return _Drawn([], np.empty((n, 0)))
+        rng = np.random.default_rng([self.seed, epoch, 1])
+        return _Drawn(draw_geometric(n, self.augment, rng), draw_photometric(n, self.augment, rng))
 
-    def _batch(self, index: NDArray[np.int64], drawn: "_EpochViews") -> Batch:
+    def _batch(self, index: NDArray[np.int64], drawn: "_Drawn") -> Batch:
         micro_batches = np.array_split(index[self.rank :: self.world_size], self.micro_batches)
         load = self._load_for_gpu if self.for_gpu else self._load
         return Batch(len(index), [functools.partial(load, micro_batch, drawn) for micro_batch in micro_batches])
 
-    def _load(self, index: NDArray[np.int64], drawn: "_EpochViews") -> MicroBatch:
+    def _load(self, index: NDArray[np.int64], drawn: "_Drawn") -> MicroBatch:
         """Load and augment samples on the CPU."""
         top, bottom = self.rows
+        views, photometric = self._views(index, drawn), drawn.photometric[index]
         frames = np.empty((len(index), ROWS, COLUMNS, 3), np.uint8)  # memory pages of unused rows are never touched
         readable: list[int] = []
-        for sample, kept in self._read(index):
-            pixels = render(kept, drawn.homographies[sample], self.rows, self.cache.rows[0])
-            frames[len(readable), top:bottom] = apply_photometric(pixels, drawn.photometric[sample])
-            readable.append(sample)
-        return self._micro_batch(torch.from_numpy(frames[: len(readable)]), readable, drawn)
+        for number, kept in self._read(index):
+            pixels = render(kept, views.homography[number], self.rows, self.cache.rows[0])
+            frames[len(readable), top:bottom] = apply_photometric(pixels, photometric[number])
+            readable.append(number)
+        return self._micro_batch(torch.from_numpy(frames[: len(readable)]), index, views, readable)
 
-    def _load_for_gpu(self, index: NDArray[np.int64], drawn: "_EpochViews") -> MicroBatch:
+    def _load_for_gpu(self, index: NDArray[np.int64], drawn: "_Drawn") -> MicroBatch:
         """Load samples that are augmented on the device."""
         first, last = self.cache.rows
         read = list(self._read(index))
+        readable = [number for number, _ in read]
+        views, photometric = self._views(index, drawn), drawn.photometric[index]
         frames = torch.from_numpy(np.array([kept for _, kept in read]).reshape(-1, last - first, COLUMNS, 3))
-        micro_batch = self._micro_batch(frames, [sample for sample, _ in read], drawn)
-        draws = DrawnAugmentations.of(
-            drawn.homographies[micro_batch.index], drawn.photometric[micro_batch.index], first, self.rows[0]
-        )
+        micro_batch = self._micro_batch(frames, index, views, readable)
+        draws = DrawnAugmentations.of(views.homography[readable], photometric[readable], first, self.rows[0])
         pinned = frames.pin_memory() if torch.cuda.is_available() else frames  # copied while the GPU computes
         return replace(micro_batch, frames=pinned, draws=draws)
 
+    def _views(self, index: NDArray[np.int64], drawn: "_Drawn") -> View:
+        """Return the views of samples: their fixed augmentations, followed by the drawn ones."""
+        rotation = self.rotation[index]
+        views = View(self.steering[index], np.broadcast_to(IDENTITY, (len(index), 3, 3)))
+        views = rotate(views, rotation).where(rotation != 0, views)
+        views = flip(views).where(self.flip[index], views)
+        return apply_geometric(views, drawn.geometric, index, self.augment) if self.augment else views
+
     def _read(self, index: NDArray[np.int64]) -> Iterator[tuple[int, Frame]]:
-        """Yield the readable samples with the cached rows of their frames."""
-        for sample in index.tolist():
+        """Yield the number within `index` of each readable sample, and the cached rows of its frame."""
+        for number, sample in enumerate(index):
             try:
-                yield sample, self.cache.read(self.images[sample])
+                yield number, self.cache.read(self.images[sample])
             except UnreadableImage:
                 self.unreadable.add(self.images[sample])
 
-    def _micro_batch(self, frames: Tensor, readable: list[int], drawn: "_EpochViews") -> MicroBatch:
-        index = np.array(readable, np.int64)
-        steering, weight = torch.from_numpy(drawn.steering[index]).float(), torch.from_numpy(self.weight[index])
-        return MicroBatch(frames, steering, weight, index)
+    def _micro_batch(self, frames: Tensor, index: NDArray[np.int64], views: View, readable: list[int]) -> MicroBatch:
+        kept = index[readable]
+        steering = torch.from_numpy(np.asarray(views.steering)[readable]).float()
+        return MicroBatch(frames, steering, torch.from_numpy(self.weight[kept]), kept)
 
 
 @dataclass(frozen=True)
-class _EpochViews:
-    """Views (labels: n, homographies: n x 3 x 3) and photometric parameters (n x size) of all samples in an epoch."""
+class _Drawn:
+    """Augmentations drawn for all n samples in an epoch: the geometric ones, and n x photometric parameters.
 
-    steering: Floats
-    homographies: Matrix
+    Homographies are computed for a micro-batch when it is loaded: those of a million samples would take long and much
+    memory before the first step.
+    """
+
+    geometric: list[DrawnGeometric]
     photometric: Floats
 
 

@@ -5,7 +5,6 @@ recorded (the recorded steering), moment (number of the time step), recording, t
 loss, mean 1), flip and rotation (degrees; fixed augmentations of copies that are made once).
 """
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -152,7 +151,7 @@ def block_numbers(rows: pd.DataFrame, seconds: float) -> "pd.Series[int]":
     """Return the number of each row's block: up to `seconds` of one segment."""
     segment = segment_numbers(rows)
     since_start = rows["time"] - rows.groupby(segment)["time"].transform("min")
-    return pd.Series(pd.MultiIndex.from_arrays([segment, since_start // seconds]).factorize()[0], index=rows.index)
+    return rows.groupby([segment, since_start // seconds], sort=False).ngroup()
 
 
 # Labels
@@ -174,8 +173,8 @@ def _moving_average(segment: pd.DataFrame, seconds: float) -> Floats:
     return np.asarray((sums[last] - sums[first]) / (last - first))
 
 
-def side_steering(steering: float, camera: str, config: SampleConfig) -> float:
-    """Return the label of a camera's image for the driver's steering (-1..1).
+def side_steering(steering: float | Floats, camera: str, config: SampleConfig) -> float | Floats:
+    """Return the label of a camera's image, or n labels, for the driver's steering (-1..1).
 
     The left camera sees what the centre camera of a car too far left would see, so its label is further right. The
     geometric rule is that of report 004: a camera 1 m to the side returns to the middle within 4 m. Like the report, it
@@ -184,7 +183,7 @@ def side_steering(steering: float, camera: str, config: SampleConfig) -> float:
     """
     sign = {"center": 0.0, "left": 1.0, "right": -1.0}[camera]
     if config.side_rule == "geometric":
-        return math.atan(math.tan(steering) + sign / 4)
+        return np.asarray(np.arctan(np.tan(steering) + sign / 4))
     return steering + sign * config.side_correction
 
 
@@ -194,7 +193,7 @@ def camera_samples(moments: pd.DataFrame, config: SampleConfig) -> pd.DataFrame:
     parts = []
     for camera in cameras:
         part = moments[moments[camera] != ""]
-        labels = [side_steering(steering, camera, config) for steering in part["steering"]]
+        labels = side_steering(part["steering"].to_numpy(float), camera, config)
         kept = part[["recorded", "moment", "recording", "time", "speed"]]
         parts.append(kept.assign(image=part[camera], camera=camera, steering=labels))
     samples = pd.concat(parts, ignore_index=True)

@@ -52,7 +52,7 @@ def sample_sheet(
     """
     steering = float(moment["steering"])
     tiles = [
-        (f"{camera} camera", read_frame(moment[camera]), side_steering(steering, camera, samples))
+        (f"{camera} camera", read_frame(moment[camera]), float(side_steering(steering, camera, samples)))
         for camera in CAMERAS
         if moment[camera]
     ]

@@ -346,6 +346,7 @@ def first_network(config: TrainingConfig) -> SteeringNetwork:
 
 def fingerprint(samples: pd.DataFrame) -> str:
     """Return a digest of the samples: file names of the images, labels and fixed augmentations."""
-    names = samples["image"].str.replace(r".*[/\\]", "", regex=True)
-    labels = samples[["steering", "rotation", "flip"]].astype(float)
-    return hashlib.sha256(labels.to_numpy().tobytes() + "".join(names).encode()).hexdigest()[:16]
+    digest = hashlib.sha256(samples[["steering", "rotation", "flip"]].to_numpy(float).tobytes())
+    for path in samples["image"]:
+        digest.update(path.replace("\\", "/").rpartition("/")[2].encode())
+    return digest.hexdigest()[:16]

@@ -107,14 +107,19 @@ def test_views_are_joined_in_order() -> None:
     assert np.abs(joined.astype(int) - one_by_one).mean() < 1
 
 
+def drawn_views(config: AugmentConfig, rng: np.random.Generator) -> View:
+    """400 views of a steering of 0.5, changed by the geometric augmentations."""
+    drawn = augment.draw_geometric(400, config, rng)
+    return augment.apply_geometric(View(np.full(400, 0.5)), drawn, np.arange(400), config)
+
+
 def test_each_augmentation_happens_with_its_probability() -> None:
     rng = np.random.default_rng(0)
-    labels = View(np.full(400, 0.5))
-    unchanged = augment.draw_views(labels, NOTHING, rng)
+    unchanged = drawn_views(NOTHING, rng)
     assert (unchanged.steering == 0.5).all()
     assert (unchanged.homography == np.eye(3)).all()
-    assert (augment.draw_views(labels, replace(NOTHING, flip=1), rng).steering == -0.5).all()
-    mirrored = (augment.draw_views(labels, replace(NOTHING, flip=0.5), rng).steering < 0).sum()
+    assert (drawn_views(replace(NOTHING, flip=1), rng).steering == -0.5).all()
+    mirrored = (drawn_views(replace(NOTHING, flip=0.5), rng).steering < 0).sum()
     assert 150 < mirrored < 250
     frame = picture(0)
     for parameters in augment.draw_photometric(9, NOTHING, rng):

@@ -213,10 +213,14 @@ def test_weights_of_samples_count_in_the_loss(samples: tuple[pd.DataFrame, pd.Da
     assert not torch.equal(weights(training), weights(other))
 
 
-def test_an_unreadable_picture_does_not_end_the_training(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
-    Path(samples[0]["image"][0]).unlink()
-    Path(samples[1]["image"].iloc[0]).write_bytes(b"")
-    training = trained(samples, replace(CONFIG, epochs=1))
+def test_an_unreadable_picture_does_not_end_the_training(
+    samples: tuple[pd.DataFrame, pd.DataFrame], tmp_path: Path
+) -> None:
+    (tmp_path / "empty.jpg").touch()
+    damaged = samples[0].copy(), samples[1].copy()
+    damaged[0].loc[0, "image"] = str(tmp_path / "missing.jpg")
+    damaged[1].loc[0, "image"] = str(tmp_path / "empty.jpg")
+    training = trained(damaged, replace(CONFIG, epochs=1))
     assert np.isfinite(training.history[0]["validation_mse"])
     assert len(training.loader.unreadable) == 1
 
@@ -323,12 +327,15 @@ def test_a_batch_is_divided_among_the_cores(
 
 
 def test_a_training_on_a_gpu_is_the_same_but_for_rounding(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
-    """What is done for a GPU, done by the CPU: batches read ahead, augmented by the device."""
-    config = replace(CONFIG, epochs=1)
+    """What is done for a GPU, done by the CPU: batches read ahead, augmented by the device.
+
+    In one step, because Adam's first steps turn rounding errors of small gradients into steps of full size.
+    """
+    config = replace(CONFIG, epochs=1, batch_size=len(samples[0]))
     on_cpu, on_device = trained(samples, config), Training(config, *samples)
     on_device.loader.for_gpu, on_device.loader.micro_batches = True, 1
     on_device.run(lambda _: None, quiet)
-    assert on_device.history[0]["training_mse"] == pytest.approx(on_cpu.history[0]["training_mse"], rel=0.05)
+    assert on_device.history[0]["training_mse"] == pytest.approx(on_cpu.history[0]["training_mse"], rel=0.002)
 
 
 def test_configurations_survive_as_plain_values() -> None:
