@@ -233,9 +233,11 @@ def _apply_brightness(pixels: Frame, parameters: Floats) -> Frame:
 
 def _draw_shadow(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
     """Draw the arguments of `shadow`: n x (top, bottom, right as 0 or 1, factor)."""
-    factor = np.where(rng.random(n) < config.shadow, rng.uniform(*config.shadow_range, n), 1.0)
-    top, bottom = rng.uniform(0, COLUMNS, (2, n))
-    return np.stack([top, bottom, rng.integers(2, size=n), factor], 1)
+    drawn = np.empty((n, 4))
+    drawn[:, 3] = np.where(rng.random(n) < config.shadow, rng.uniform(*config.shadow_range, n), 1.0)
+    drawn[:, :2] = rng.uniform(0, COLUMNS, (2, n)).T
+    drawn[:, 2] = rng.integers(2, size=n)
+    return drawn
 
 
 def _apply_shadow(pixels: Frame, parameters: Floats) -> Frame:
@@ -309,7 +311,10 @@ def apply_geometric(
 
 def draw_photometric(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
     """Draw the parameters of all photometric augmentations for n frames: n x the sum of their sizes."""
-    return np.concatenate([augmentation.draw(n, config, rng) for augmentation in PHOTOMETRIC], axis=1)
+    parameters = np.empty((n, sum(augmentation.size for augmentation in PHOTOMETRIC)))
+    for augmentation, columns in photometric_columns():
+        parameters[:, columns] = augmentation.draw(n, config, rng)
+    return parameters
 
 
 def photometric_columns() -> Iterator[tuple[Photometric, slice]]:

@@ -103,7 +103,7 @@ class BatchLoader:
             for_gpu: load batches ahead and leave augmentation to the device. (On a CPU, loading ahead is slower,
                 because it competes with the network's threads for the cores.)
         """
-        self.images = samples["image"].tolist()
+        self.images = samples["image"].to_numpy(object)
         self.steering = samples["steering"].to_numpy(float)
         self.weight = samples["weight"].to_numpy(np.float32)
         self.flip = samples["flip"].to_numpy(bool)
@@ -121,8 +121,8 @@ class BatchLoader:
         return read_ahead(batches) if self.for_gpu else batches
 
     def _order(self, epoch: int) -> NDArray[np.int64]:
-        numbers = np.arange(len(self.images))
-        return numbers if self.augment is None else np.random.default_rng([self.seed, epoch]).permutation(numbers)
+        n = len(self.images)
+        return np.arange(n) if self.augment is None else np.random.default_rng([self.seed, epoch]).permutation(n)
 
     def _draw(self, epoch: int) -> "_Drawn":
         """Draw the augmentations of all samples for an epoch."""

@@ -160,16 +160,15 @@ class _Columns:
 
     def table(self, recording: int) -> pd.DataFrame:
         """Return the columns of `DrivingLog.rows`, the number of values, and of images missing (-1: none is named)."""
-        return pd.DataFrame(
-            {
-                "recording": recording,
-                "line": np.array(self.whole["line"], np.int64),
-                "time": np.array(self.numbers["time"]),
-                **{camera: np.array(self.paths[camera], object) for camera in CAMERAS},
-                **{name: np.array(self.numbers[name]) for name in NUMBERS},
-                **{name: np.array(self.whole[name], np.int64) for name in ("values", "missing")},
-            }
-        )
+        columns = {
+            "recording": np.full(len(self.whole["line"]), recording),
+            "line": np.frombuffer(self.whole["line"], np.int64),
+            "time": np.frombuffer(self.numbers["time"]),
+            **{camera: np.array(self.paths[camera], object) for camera in CAMERAS},
+            **{name: np.frombuffer(self.numbers[name]) for name in NUMBERS},
+            **{name: np.frombuffer(self.whole[name], np.int64) for name in ("values", "missing")},
+        }
+        return pd.DataFrame(columns, copy=False)
 
 
 def _faults(table: pd.DataFrame) -> "pd.Series[str]":

@@ -195,7 +195,8 @@ def camera_samples(moments: pd.DataFrame, config: SampleConfig) -> pd.DataFrame:
         part = moments[moments[camera] != ""]
         labels = side_steering(part["steering"].to_numpy(float), camera, config)
         kept = part[["recorded", "moment", "recording", "time", "speed"]]
-        parts.append(kept.assign(image=part[camera], camera=camera, steering=labels))
+        category = pd.Series(camera, part.index, pd.CategoricalDtype(list(CAMERAS)))  # takes a byte per sample
+        parts.append(kept.assign(image=part[camera], camera=category, steering=labels))
     samples = pd.concat(parts, ignore_index=True)
     return samples.assign(weight=1.0, flip=False, rotation=0.0)
 
