@@ -1,6 +1,7 @@
 """Common behaviour of all commands: error messages, Ctrl-C, log messages and exit codes."""
 
 import logging
+import socket
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -43,3 +44,17 @@ def run(name: str, action: Callable[[], None], *, verbose: bool = False) -> int:
         print(f"{name}: {printable(error)}", file=sys.stderr)
         return 1
     return 0
+
+
+def check_address(host: str, port: int) -> None:
+    """Check the options --host and --port.
+
+    Raises:
+        ValueError: there is no such host or port; the message names the option, its value and the cure.
+    """
+    if not 0 < port < 1 << 16:
+        raise ValueError(f"--port {port}: must lie in 1..65535")
+    try:
+        socket.getaddrinfo(host, port)
+    except (OSError, ValueError, TypeError) as error:
+        raise ValueError(f"--host {host}: no such computer; 127.0.0.1 is this one") from error

@@ -40,6 +40,7 @@ class ServeConfig:
             ValueError: a value is invalid; the message names the option, its value and the valid range.
         """
         self.drive.check()
+        cli.check_address(self.host, self.port)
         if self.frame_seconds is not None and not 0 < self.frame_seconds <= 1:
             raise ValueError(f"--frame-seconds {self.frame_seconds:g}: must be greater than 0, and at most 1")
 

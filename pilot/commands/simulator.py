@@ -121,8 +121,7 @@ def connect(config: ConnectConfig) -> None:
 
     if config.fast and not config.headless:
         raise ValueError("--fast: a window shows real time; add --headless")
-    if not 0 < config.port < 1 << 16:
-        raise ValueError(f"--port {config.port}: must lie in 1..65535")
+    cli.check_address(config.host, config.port)
     if config.laps is not None and not 0 < config.laps < math.inf:
         raise ValueError(f"--laps {config.laps:g}: must be greater than 0, and finite")
     with Simulator() as simulator, tqdm(total=config.laps, unit=" laps", disable=config.laps is None) as bar:

@@ -81,8 +81,10 @@ def record_if_empty(folder: Path) -> None:
             f"There are no recordings in {folder}{os.sep}: the built-in simulator records demonstration laps, normal "
             f"ones and recoveries, both ways round, into {built_in}{os.sep}"
         )
-        for _ in tqdm(record_demonstrations(built_in, missing), "recording", len(missing), unit=" tracks"):
-            pass
+        refusal = f"{built_in}{os.sep}: another training is recording there. Wait until it trains, then start again"
+        with sole_use(folder / f".{BUILT_IN}.lock", refusal):
+            for _ in tqdm(record_demonstrations(built_in, missing), "recording", len(missing), unit=" tracks"):
+                pass
 
 
 def has_own_recordings(folder: Path) -> bool:

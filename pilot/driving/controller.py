@@ -1,5 +1,6 @@
 """PI speed controller and steering filter."""
 
+import math
 from dataclasses import dataclass
 
 from pilot.vehicle import REVERSE_BELOW_MPH, TOP_SPEED_MPH
@@ -33,8 +34,9 @@ class ControllerConfig:
             raise ValueError(f"--speed {self.speed:g}: must lie in 0..{TOP_SPEED_MPH:g} mph")
         if not 0 <= self.slow_in_curves <= 1:
             raise ValueError(f"--slow-in-curves {self.slow_in_curves:g}: must lie in 0..1")
-        if min(self.smoothing, self.kp, self.ki) < 0:
-            raise ValueError("--smoothing, --kp and --ki must not be negative")
+        for name in ("smoothing", "kp", "ki"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"--{name} {getattr(self, name):g}: must be a number, and not negative")
 
 
 class SpeedController:

@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +21,7 @@ from pilot.vehicle import TICK
 
 PACKAGE = Path(__file__).parents[2]  # folder that contains `pilot`, which is not installed in a clone
 PATIENCE_SECONDS = 30.0  # wall-clock time without an answer
+START_SECONDS = 120.0  # drive.py imports PyTorch in 1 to 20 s
 EPISODE_LOG = "episode.log"
 
 
@@ -86,9 +88,7 @@ def _serving(request: DriveRequest, folder: Path) -> Iterator[tuple["subprocess.
         ) as process,
     ):
         try:
-            assert process.stdout is not None
-            if "is ready" not in process.stdout.readline():
-                raise RuntimeError(_last_words(folder))
+            _wait_until_ready(process, folder)
             yield process, port
         finally:
             process.terminate()
@@ -96,6 +96,17 @@ def _serving(request: DriveRequest, folder: Path) -> Iterator[tuple["subprocess.
                 process.wait(10)
             except subprocess.TimeoutExpired:
                 process.kill()
+
+
+def _wait_until_ready(process: "subprocess.Popen[str]", folder: Path) -> None:
+    assert process.stdout is not None
+    giving_up = threading.Timer(START_SECONDS, process.kill)
+    giving_up.start()
+    try:
+        if "is ready" not in process.stdout.readline():
+            raise RuntimeError(_last_words(folder))
+    finally:
+        giving_up.cancel()
 
 
 def _command(request: DriveRequest, folder: Path, port: int) -> list[str]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from pilot import process_settings
 from pilot.data.log_format import LOG_NAME
 from pilot.data.recording_writer import RecordingWriter
+from pilot.files import unwritable
 from pilot.simulator.catalogue import both_ways, file_name, track_names
 from pilot.simulator.demonstration import DemonstrationConfig, demonstrate
 from pilot.simulator.simulator import Simulator
@@ -89,4 +90,7 @@ def _record_whole(folder: Path, track: str) -> None:
     shutil.rmtree(unfinished, ignore_errors=True)
     record(track, DEMONSTRATIONS[track], unfinished, listed_as=final)
     shutil.rmtree(final, ignore_errors=True)  # exists only without a driving log, see `missing_demonstrations`
-    unfinished.rename(final)
+    try:
+        unfinished.rename(final)
+    except OSError as error:
+        raise unwritable(final, error) from error

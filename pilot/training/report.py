@@ -1,5 +1,6 @@
 """The folder next to model.pt: metrics of every epoch, and figures."""
 
+import logging
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +20,8 @@ from pilot.training.trainer import Training
 
 if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
+
+log = logging.getLogger("pilot")
 
 SMOOTHED_SECONDS = 0.5  # averages out the jerky steering of keyboard driving, which no model should be blamed for
 
@@ -53,7 +56,10 @@ class History:
     def write(self, history: list[dict[str, float]]) -> None:
         """Write the metrics of all epochs so far to history.csv, and those of the last one to TensorBoard."""
         text = pd.DataFrame(history).to_csv(index=False)
-        write_atomically(self.folder / "history.csv", lambda file: file.write(text.encode()))
+        try:
+            write_atomically(self.folder / "history.csv", lambda file: file.write(text.encode()))
+        except OSError as error:  # a spreadsheet shows it: no reason to end the training
+            log.warning("%s. It is written again after the next epoch", error)
         if self.events:
             for name, value in history[-1].items():
                 self.events.add_scalar(name, value, int(history[-1]["epoch"]))

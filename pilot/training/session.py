@@ -15,6 +15,7 @@ from pilot.data.driving_log import DrivingLog, read_driving_logs
 from pilot.data.frame_cache import FrameCache
 from pilot.data.samples import make_samples
 from pilot.driving.driver import DrivingCheck
+from pilot.files import unwritable
 from pilot.model.checkpoint import Model, load_values, save_model, to_jsonable
 from pilot.model.networks import network_class
 from pilot.progress import ProgressBar, no_bar, terminal_bar
@@ -147,7 +148,11 @@ def _prepare_state(config: TrainingConfig, training: Training) -> None:
     if config.resume:
         training.restore(load_values(state, STATE_FORMAT, "start anew without --resume"))
     elif training.processes.is_main and state.exists():
-        state.replace(state.with_name("previous_state.pt"))
+        previous = state.with_name("previous_state.pt")
+        try:
+            state.replace(previous)
+        except OSError as error:
+            raise unwritable(previous, error) from error
 
 
 def keep(path: Path, best: dict[str, Any], log: DrivingLog, training: Training) -> ValidationResult:

@@ -1,9 +1,9 @@
-"""python simulator.py: its commands and exit codes."""
+"""Wrong options of simulator.py and drive.py, and the exit codes of all commands."""
 
 import pytest
 
 from pilot import cli
-from pilot.commands import simulator
+from pilot.commands import drive, simulator
 
 
 @pytest.mark.parametrize("word", ["connect", "drive"])  # drive: its former name
@@ -16,6 +16,8 @@ def test_connect_has_two_names(word: str, capsys: pytest.CaptureFixture[str]) ->
     ("arguments", "says"),
     [
         (["connect", "--headless", "--port", "99999"], "--port 99999: must lie in 1..65535"),
+        (["connect", "--headless", "--host", "no..host"], "--host no..host: no such computer"),
+        (["connect", "--headless", "--host", "a\udcff"], "no such computer"),
         (["connect", "--headless", "--laps", "nan"], "--laps nan: must be greater than 0"),
         (["record", "--out", "laps", "--seed", "-1"], "seed -1: takes 0 to"),
     ],
@@ -24,6 +26,23 @@ def test_wrong_options_of_the_simulator_are_named(
     arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert simulator.main(arguments) == 1
+    assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--port", "99999"], "--port 99999: must lie in 1..65535"),
+        (["--host", "no..host"], "--host no..host: no such computer"),
+        (["--kp", "nan"], "--kp nan: must be a number"),
+        (["--smoothing", "inf"], "--smoothing inf: must be a number"),
+        (["--ki", "-1"], "--ki -1: must be a number, and not negative"),
+    ],
+)
+def test_wrong_options_of_the_server_are_named(
+    arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert drive.main(["model.pt", *arguments]) == 1
     assert says in capsys.readouterr().err
 
 

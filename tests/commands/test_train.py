@@ -15,7 +15,9 @@ import torch
 from conftest import REPOSITORY, Recording
 
 from pilot.commands import train as train_command
+from pilot.files import InUseError, sole_use
 from pilot.model.checkpoint import load_model
+from pilot.training.report import History
 
 SMALL = ["--network", "pilotnet", "--samples.block-seconds", "1", "--batch-size", "32", "--augment.viewpoint", "0"]
 
@@ -216,3 +218,16 @@ def test_help_explains_every_option() -> None:
     output = run(Path.cwd(), "--help")
     for words in ("learning rate of Adam", "side cameras", "--augment.shadow", "cosine"):
         assert words in output
+
+
+def test_two_trainings_do_not_record_the_same_demonstrations(tmp_path: Path) -> None:
+    with sole_use(tmp_path / ".built_in.lock", ""), pytest.raises(InUseError, match="another training is recording"):
+        train_command.record_if_empty(tmp_path)
+
+
+def test_a_history_that_cannot_be_written_does_not_end_the_training(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "history.csv").mkdir()  # cannot be replaced, like a file that a spreadsheet shows on Windows
+    History(tmp_path, tensorboard=False).write([{"epoch": 1, "training_mse": 0.1}])
+    assert "history.csv: cannot be written" in caplog.text
