@@ -1,6 +1,6 @@
 """Latency of the answers to telemetry: in the process, and on the wire, compared with a server like the original one.
 
-    python benchmarks/driving.py [--network nvidia] [--steers 10000]
+    python benchmarks/driving.py [--network nvidia] [--steers 10000] [--against ANOTHER_CHECKOUT]
 
 In the process: from the base64 image to the steering, with several ways to run the network. On the wire: the tests' raw
 WebSocket client, which fragments messages like websocket-sharp, with the kernel's delayed packets; it connects to
@@ -136,7 +136,7 @@ def on_the_wire(port: int, message: str, steers: int, *, in_flight: int, pause: 
         port: port of the server.
         message: telemetry message.
         steers: number of answers.
-        on_the_way: number of telemetry messages in flight; the simulator has two.
+        in_flight: number of telemetry messages in flight; the simulator has two.
         pause: seconds after each answer, in which the simulator would render.
 
     Returns:
@@ -160,41 +160,51 @@ def on_the_wire(port: int, message: str, steers: int, *, in_flight: int, pause: 
         return seconds, len(seconds) / (time.perf_counter() - began)
 
 
+def compare(servers: dict[str, list[str]], message: str, folder: Path, options: argparse.Namespace) -> None:
+    """Print rate and latency of each server in each scene, measured in turn, and the rates relative to drive.py's."""
+    for title, in_flight, pause in SCENES:
+        steers = (options.steers if pause == 0 else options.steers // 10) // options.rounds
+        rates: dict[str, list[float]] = {server: [] for server in servers}
+        for _ in range(options.rounds):
+            for server, command in servers.items():
+                with serving(command, options.port, folder):
+                    seconds, rate = on_the_wire(options.port, message, steers, in_flight=in_flight, pause=pause)
+                rates[server].append(rate)
+                print(
+                    f"{title}, {server}: {len(seconds)} steers, {rate:.0f} answers/s, "
+                    f"p50 {percentile(seconds, 50):.2f} ms, p99 {percentile(seconds, 99):.2f} ms",
+                    flush=True,
+                )
+        for server in list(servers)[1:]:
+            ratio = np.median(rates["drive.py"]) / np.median(rates[server])
+            print(f"{title}: drive.py answers {ratio:.2f} times as often as {server}", flush=True)
+
+
 def main() -> None:
-    """Print all measurements, and the ratios of the two servers' rates."""
+    """Print all measurements, and the ratios of the servers' rates."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--network", default="nvidia", choices=network_names())
     parser.add_argument("--steers", type=int, default=10_000)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--port", type=int, default=4599)
+    parser.add_argument(
+        "--against", type=Path, help="another checkout, whose drive.py is measured in turn with this one"
+    )
     options = parser.parse_args()
     content = telemetry(synthetic_image())
-    message = "42" + json.dumps(["telemetry", content])
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         save_model(folder / "model.pt", Model(options.network, build_network(options.network, 0), {}, {}, {}))
         in_process(load_model(folder / "model.pt"), content, 500)
+        port = str(options.port)
         servers = {
-            "drive.py": [sys.executable, str(ROOT / "drive.py"), "model.pt", "--port", str(options.port)],
-            "original": [sys.executable, str(ROOT / "benchmarks" / "original_drive.py"), "model.pt", str(options.port)],
+            "drive.py": [sys.executable, str(ROOT / "drive.py"), "model.pt", "--port", port],
+            "original": [sys.executable, str(ROOT / "benchmarks" / "original_drive.py"), "model.pt", port],
         }
-        for title, in_flight, pause in SCENES:
-            steers = options.steers if pause == 0 else options.steers // 10
-            rates: dict[str, list[float]] = {}
-            for _ in range(options.rounds):
-                for server, command in servers.items():
-                    with serving(command, options.port, folder):
-                        seconds, rate = on_the_wire(
-                            options.port, message, steers // options.rounds, in_flight=in_flight, pause=pause
-                        )
-                    rates.setdefault(server, []).append(rate)
-                    print(
-                        f"{title}, {server}: {len(seconds)} steers, {rate:.0f} answers/s, "
-                        f"p50 {percentile(seconds, 50):.2f} ms, p99 {percentile(seconds, 99):.2f} ms",
-                        flush=True,
-                    )
-            ratio = np.median(rates["drive.py"]) / np.median(rates["original"])
-            print(f"{title}: drive.py answers {ratio:.2f} times as often", flush=True)
+        if options.against:
+            other = options.against.resolve() / "drive.py"
+            servers[f"drive.py of {options.against}"] = [sys.executable, str(other), "model.pt", "--port", port]
+        compare(servers, "42" + json.dumps(["telemetry", content]), folder, options)
 
 
 if __name__ == "__main__":

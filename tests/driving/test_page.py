@@ -1,33 +1,16 @@
-"""The page in a real browser: Debian's Chromium, headless."""
+"""The page in a real browser."""
 
-import shutil
 from collections.abc import Iterator
 
 import pytest
+from browser import needs_browser, opened_browser
 from selenium import webdriver
-from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
 from serving import IMAGE, Server, driven, steers
 from wire import WireClient, telemetry
 
-CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
-OPTIONS = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--window-size=1100,900",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--disable-dev-shm-usage",
-)
-
-pytestmark = pytest.mark.skipif(
-    not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver (apt install chromium chromium-driver)"
-)
+pytestmark = needs_browser
 
 
 @pytest.fixture(scope="module")
@@ -39,14 +22,9 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 @pytest.fixture(scope="module")
 def browser(server: Server) -> Iterator[webdriver.Chrome]:
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for option in OPTIONS:
-        options.add_argument(option)
-    browser = webdriver.Chrome(options, Service(DRIVER))
-    browser.get(f"http://127.0.0.1:{server.port}/")
-    yield browser
-    browser.quit()
+    with opened_browser() as browser:
+        browser.get(f"http://127.0.0.1:{server.port}/")
+        yield browser
 
 
 def wait_for(

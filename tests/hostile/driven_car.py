@@ -61,3 +61,13 @@ def attacking(server: Server, attack: Attack, seconds: float) -> Iterator[Future
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         pool.submit(attack, server.port, time.monotonic()).result()  # the process is ready
         yield pool.submit(attack, server.port, time.monotonic() + seconds)
+
+
+def long_drive(server: Server, frames: int) -> Outcome:
+    """Drive a car as fast as the server answers: `frames` at 25 per second of simulated time (100,000: 67 minutes)."""
+    with server.client() as car:
+        car.socket.settimeout(PATIENCE)
+        waits = [_answer(car) for _ in range(frames // 100)]
+        memory = server.memory()  # once all caches are warm
+        waits += [_answer(car) for _ in range(frames - len(waits))]
+        return Outcome(frames, len(waits), max(waits), (server.memory() - memory) / 1024)
