@@ -187,9 +187,7 @@ def main() -> None:
     parser.add_argument("--steers", type=int, default=10_000)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--port", type=int, default=4599)
-    parser.add_argument(
-        "--against", type=Path, help="another checkout, whose drive.py is measured in turn with this one"
-    )
+    parser.add_argument("--against", type=Path, help="another checkout, measured in turn with this one")
     options = parser.parse_args()
     content = telemetry(synthetic_image())
     with tempfile.TemporaryDirectory() as name:
