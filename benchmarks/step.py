@@ -31,6 +31,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from benchmarks.training import endless, prepare, rate_of, synthetic_recording
 from pilot import process_settings
 from pilot.data.augment import apply_photometric
+from pilot.data.cache_file import checksum
 from pilot.data.frame_cache import FrameCache
 from pilot.data.view import render
 from pilot.model.build import build_network
@@ -107,6 +108,7 @@ def stages(training: Training) -> dict[str, float]:
     known = sum(itertools.islice(times.values(), 1, None))
     times["a whole step"] = PICTURES / rate_of(training, endless(training), 40)
     times["Python and all else"] = times["a whole step"] - known
+    times["(of which: checksums of what was decoded)"] = seconds(lambda: [checksum(frame) for frame in kept])
     return {name: 1000 * took / PICTURES for name, took in times.items()}
 
 

@@ -84,14 +84,15 @@ def serve(config: ServeConfig) -> None:
     state = DriveState(autopilot)
     recorder = Recorder(config.run, overwrite=config.overwrite) if config.run else None
     observers = [state.observe, *([recorder.observe] if recorder else []), *([clock.tick] if clock else [])]
-    server = DriveServer(autopilot, observers)
+    server, page = DriveServer(autopilot, observers), create_page(state, driver.model)
+    process_settings.after_loading()
     print(
         f"{config.model} ({driver.model.name}) is ready at {config.drive.speed:g} mph. Start the simulator in "
         f"autonomous mode; watch at http://{config.host}:{config.port}/ (Ctrl-C ends)",
         flush=True,
     )
     try:
-        server.serve(listener, create_page(state, driver.model), config.host)
+        server.serve(listener, page, config.host)
     finally:
         if recorder:
             recorder.close()
