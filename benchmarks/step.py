@@ -76,7 +76,7 @@ def stages(training: Training) -> dict[str, float]:
     """Return the milliseconds per image of each stage of a step, and of the whole step."""
     loader, network = training.loader, training.network.train()
     drawn, numbers = loader._draw(0), np.arange(PICTURES)
-    views, photometric = loader._views(numbers, drawn), drawn.photometric[:PICTURES]
+    views = loader._views(numbers, drawn)
     paths = loader.images[:PICTURES]
     uncached = FrameCache(training.cache.rows)
     kept = [training.cache.read(path) for path in paths]
@@ -99,7 +99,9 @@ def stages(training: Training) -> dict[str, float]:
         "draw the augmentations": seconds(lambda: loader._draw(0)) * PICTURES / len(loader.images)
         + seconds(lambda: loader._views(numbers, drawn)),
         "augment: warp": seconds(warp),
-        "augment: light and shadow": seconds(lambda: list(map(apply_photometric, warped, photometric))),
+        "augment: light and shadow": seconds(
+            lambda: [apply_photometric(pixels, drawn.photometric, number) for number, pixels in enumerate(warped)]
+        ),
         "scale the pixels": seconds(lambda: network.prepare(crop)),
         "forward": seconds(lambda: network.layers(pixels)),
         "backward": seconds(lambda: torch.autograd.grad(loss, training.parameters, retain_graph=True)),

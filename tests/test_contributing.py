@@ -76,7 +76,7 @@ assert (model.name, type(model.network).__name__) == ("one_layer", "OneLayer")
 assert model.config["augment"]["negative"] == 1.0
 frames = np.full((1, 160, 320, 3), 100, np.uint8)
 lights = draw_photometric(1, RECIPES["tiny"].augment, np.random.default_rng(0))
-assert (apply_photometric(frames[0], lights[0]) == 155).all()
+assert (apply_photometric(frames[0], lights, 0) == 155).all()
 seen = augment(torch.from_numpy(frames), DrawnAugmentations.of(np.eye(3)[None], lights, 0, 0), (0, 160))
 assert (seen[:, 1:-1, 1:-1] == 155).all()
 assert track_names()[-1] == "square"

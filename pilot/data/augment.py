@@ -309,27 +309,23 @@ def apply_geometric(
     return views
 
 
-def draw_photometric(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
-    """Draw the parameters of all photometric augmentations for n frames: n x the sum of their sizes."""
-    parameters = np.empty((n, sum(augmentation.size for augmentation in PHOTOMETRIC)))
-    for augmentation, columns in photometric_columns():
-        parameters[:, columns] = augmentation.draw(n, config, rng)
-    return parameters
+def draw_photometric(n: int, config: AugmentConfig, rng: np.random.Generator) -> list[Floats]:
+    """Draw the parameters of each photometric augmentation for n frames: n x its size."""
+    return [augmentation.draw(n, config, rng) for augmentation in PHOTOMETRIC]
 
 
 def photometric_columns() -> Iterator[tuple[Photometric, slice]]:
-    """Yield each photometric augmentation with its columns in the parameters from `draw_photometric`."""
+    """Yield each photometric augmentation with its columns if the parameters of all are joined."""
     start = 0
     for augmentation in PHOTOMETRIC:
         yield augmentation, slice(start, start + augmentation.size)
         start += augmentation.size
 
 
-def apply_photometric(pixels: Frame, parameters: Floats) -> Frame:
-    """Apply a frame's parameters from `draw_photometric` to its pixels; no parameters leave them unchanged."""
-    if len(parameters):
-        for augmentation, columns in photometric_columns():
-            pixels = augmentation.apply(pixels, parameters[columns])
+def apply_photometric(pixels: Frame, drawn: Sequence[Floats], number: int) -> Frame:
+    """Change the pixels of a frame, whose number among the n of `draw_photometric` is given, by what was drawn."""
+    for augmentation, parameters in zip(PHOTOMETRIC, drawn, strict=False):  # nothing may be drawn
+        pixels = augmentation.apply(pixels, parameters[number])
     return pixels
 
 

@@ -128,7 +128,7 @@ class BatchLoader:
         """Draw the augmentations of all samples for an epoch."""
         n = len(self.images)
         if self.augment is None:
-            return _Drawn([], np.empty((n, 0)))
+            return _Drawn([], [])
         rng = np.random.default_rng([self.seed, epoch, 1])
         return _Drawn(draw_geometric(n, self.augment, rng), draw_photometric(n, self.augment, rng))
 
@@ -140,12 +140,12 @@ class BatchLoader:
     def _load(self, index: NDArray[np.int64], drawn: "_Drawn") -> MicroBatch:
         """Load and augment samples on the CPU."""
         top, bottom = self.rows
-        views, photometric = self._views(index, drawn), drawn.photometric[index]
+        views = self._views(index, drawn)
         frames = np.empty((len(index), ROWS, COLUMNS, 3), np.uint8)  # memory pages of unused rows are never touched
         readable: list[int] = []
         for number, kept in self._read(index):
             pixels = render(kept, views.homography[number], self.rows, self.cache.rows[0])
-            frames[len(readable), top:bottom] = apply_photometric(pixels, photometric[number])
+            frames[len(readable), top:bottom] = apply_photometric(pixels, drawn.photometric, index[number])
             readable.append(number)
         return self._micro_batch(torch.from_numpy(frames[: len(readable)]), index, views, readable)
 
@@ -154,10 +154,10 @@ class BatchLoader:
         first, last = self.cache.rows
         read = list(self._read(index))
         readable = [number for number, _ in read]
-        views, photometric = self._views(index, drawn), drawn.photometric[index]
+        views, photometric = self._views(index, drawn), [of_all[index[readable]] for of_all in drawn.photometric]
         frames = torch.from_numpy(np.array([kept for _, kept in read]).reshape(-1, last - first, COLUMNS, 3))
         micro_batch = self._micro_batch(frames, index, views, readable)
-        draws = DrawnAugmentations.of(views.homography[readable], photometric[readable], first, self.rows[0])
+        draws = DrawnAugmentations.of(views.homography[readable], photometric, first, self.rows[0])
         pinned = frames.pin_memory() if torch.cuda.is_available() else frames  # copied while the GPU computes
         return replace(micro_batch, frames=pinned, draws=draws)
 
@@ -185,14 +185,14 @@ class BatchLoader:
 
 @dataclass(frozen=True)
 class _Drawn:
-    """Augmentations drawn for all n samples in an epoch: the geometric ones, and n x photometric parameters.
+    """Augmentations drawn for all n samples in an epoch: the geometric ones, and the photometric ones' parameters.
 
     Homographies are computed for a micro-batch when it is loaded: those of a million samples would take long and much
     memory before the first step.
     """
 
     geometric: list[DrawnGeometric]
-    photometric: Floats
+    photometric: list[Floats]
 
 
 def read_ahead(batches: Iterator[Batch]) -> Iterator[Batch]:

@@ -5,7 +5,7 @@ are still drawn on the CPU, so that both paths give the same images. They differ
 OpenCV rounds its interpolation coefficients.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,24 +26,27 @@ class DrawnAugmentations:
     Attributes:
         homographies: n x 3 x 3, float32: inverse homographies, from pixels of the rows that the network uses to
             pixels of the rows that the cache stores.
-        photometric: n x parameters from `draw_photometric`, float32.
+        photometric: n x the joined parameters from `draw_photometric`, float32.
     """
 
     homographies: Tensor
     photometric: Tensor
 
     @classmethod
-    def of(cls, homographies: Matrix, photometric: Floats, first_cached: int, first_used: int) -> "DrawnAugmentations":
+    def of(
+        cls, homographies: Matrix, photometric: Sequence[Floats], first_cached: int, first_used: int
+    ) -> "DrawnAugmentations":
         """Convert augmentations drawn for whole frames.
 
         Args:
             homographies: n x 3 x 3, from the recorded frame's pixels to those of the view.
-            photometric: n x parameters from `draw_photometric`.
+            photometric: parameters from `draw_photometric`; empty: none.
             first_cached: first frame row that the cache stores.
             first_used: first frame row that the network uses.
         """
         backwards = np.linalg.inv(from_rows(homographies, first_cached, first_used))
-        return cls(torch.from_numpy(backwards).float(), torch.from_numpy(photometric).float())
+        joined = np.concatenate([np.empty((len(homographies), 0)), *photometric], axis=1)
+        return cls(torch.from_numpy(backwards).float(), torch.from_numpy(joined).float())
 
     def to(self, device: torch.device) -> "DrawnAugmentations":
         """Return a copy on the device."""

@@ -122,9 +122,10 @@ def test_each_augmentation_happens_with_its_probability() -> None:
     mirrored = (drawn_views(replace(NOTHING, flip=0.5), rng).steering < 0).sum()
     assert 150 < mirrored < 250
     frame = picture(0)
-    for parameters in augment.draw_photometric(9, NOTHING, rng):
-        np.testing.assert_array_equal(augment.apply_photometric(frame, parameters), frame)
-    shaded = (augment.draw_photometric(400, replace(NOTHING, shadow=0.5), rng)[:, 4] < 1).sum()
+    drawn = augment.draw_photometric(9, NOTHING, rng)
+    for number in range(9):
+        np.testing.assert_array_equal(augment.apply_photometric(frame, drawn, number), frame)
+    shaded = (augment.draw_photometric(400, replace(NOTHING, shadow=0.5), rng)[1][:, 3] < 1).sum()
     assert 150 < shaded < 250
 
 
