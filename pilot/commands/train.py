@@ -47,12 +47,30 @@ def run(config: TrainingConfig) -> None:
     from pilot.training.session import train
 
     process_settings.for_training()
-    choose_device(config.device)  # an unavailable one is refused before minutes of reading
+    # what is not possible is refused before minutes of reading
+    choose_device(config.device)
+    check_replaceable(config.out)
     with join_processes() as processes, sole_training(config) if processes.is_main else nullcontext():
         if processes.is_main and not config.data:
             record_if_empty(*config.folders)
         processes.barrier()
         train(config, processes, process_settings.use_threads)
+
+
+def check_replaceable(out: Path) -> None:
+    """Check that a file which a model will replace is a model.
+
+    Raises:
+        ValueError: it is something else; the message says what to do.
+    """
+    from pilot.model.checkpoint import UnusableModel, load_model  # imports PyTorch
+
+    if out.exists():
+        try:
+            load_model(out)
+        except UnusableModel as error:
+            cure = "it is not replaced: name another file, or remove it"
+            raise ValueError(f"--out {out}: is there already, and is no model that can be used; {cure}") from error
 
 
 def sole_training(config: TrainingConfig) -> AbstractContextManager[None]:

@@ -16,7 +16,8 @@ from conftest import REPOSITORY, Recording
 
 from pilot.commands import train as train_command
 from pilot.files import InUseError, sole_use
-from pilot.model.checkpoint import load_model
+from pilot.model.build import build_network
+from pilot.model.checkpoint import Model, load_model, save_model
 from pilot.training.report import History
 
 SMALL = ["--network", "pilotnet", "--samples.block-seconds", "1", "--batch-size", "32", "--augment.viewpoint", "0"]
@@ -181,6 +182,7 @@ def test_without_a_recording_where_one_should_be_it_says_what_to_do(tmp_path: Pa
         (["--samples.balance", "cap", "--samples.cap", "inf"], "--samples.cap inf: must be greater than 0, and finite"),
         (["--samples.side-correction", "nan"], "--samples.side-correction nan: must be finite"),
         (["--seed", "-1"], "--seed -1: must lie in 0..2^63-1"),
+        (["--out", "notes.txt"], "--out notes.txt: is there already, and is no model that can be used"),
         (["--out", "."], "--out .: is a folder; name a file in it, such as model.pt"),
         (["--augment.crop-top", "0.4", "0.6", "--augment.crop-bottom", "0.4", "0.5"], "must leave a part of the frame"),
         (["--augment.shadow-range", "0.7", "0.2"], "--augment.shadow-range 0.7 0.2: must not be negative, the smaller"),
@@ -196,14 +198,17 @@ def test_wrong_options_are_named_and_the_old_model_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str], says: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("model.pt").write_text("precious")
+    save_model(Path("model.pt"), Model("lenet", build_network("lenet", 1), {}, {}, {}))
+    old = Path("model.pt").read_bytes()
+    Path("notes.txt").write_text("precious")
     try:
         code = train_command.main(arguments)
     except SystemExit as stop:  # the option parser's own way
         code = stop.code
     assert code != 0
     assert says in "".join(capsys.readouterr())
-    assert Path("model.pt").read_text() == "precious"
+    assert Path("model.pt").read_bytes() == old
+    assert Path("notes.txt").read_text() == "precious"
 
 
 @pytest.mark.parametrize("recipe", ["nvidia-rotations", "lenet-drop-zeros", "simplenet-spikes"])

@@ -164,10 +164,11 @@ def page_streams(port: int, until: float) -> int:
     """A hundred pages with saliency."""
     request = f"GET /events?saliency=1 HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode()
     with contextlib.ExitStack() as stack:
-        clients = [stack.enter_context(_connect(port)) for _ in range(100)]
-        for client in clients:
-            with contextlib.suppress(OSError):
-                client.sendall(request)
+        clients = []
+        for _ in range(100):
+            with contextlib.suppress(OSError):  # refused, or not accepted in time
+                clients.append(stack.enter_context(_connect(port)))
+                clients[-1].sendall(request)
         while time.monotonic() < until:
             for client in clients:
                 client.settimeout(0.001)
