@@ -101,7 +101,7 @@ def crafted_models(folder: Path) -> Finding:
     with zipfile.ZipFile(folder / "compressed.pt", "w", zipfile.ZIP_DEFLATED) as bomb:
         bomb.writestr("data.pkl", bytes(500_000_000))
     models = sorted(folder.glob("*.pt"))
-    return Finding(len(models), sum(map(_loads, models)) + (folder / "owned").exists())
+    return Finding(len(models), sum(map(loads, models)) + (folder / "owned").exists())
 
 
 def _copy_archive(source: Path, target: Path, replaced: tuple[bytes, bytes]) -> None:
@@ -110,7 +110,8 @@ def _copy_archive(source: Path, target: Path, replaced: tuple[bytes, bytes]) -> 
             new.writestr(name, old.read(name).replace(*replaced))
 
 
-def _loads(model: Path) -> bool:
+def loads(model: Path) -> bool:
+    """Whether a model file can be used."""
     try:
         load_model(model)
     except UnusableModel:

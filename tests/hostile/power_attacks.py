@@ -18,14 +18,14 @@ from pathlib import Path
 import numpy as np
 import torch
 from conftest import REPOSITORY, picture, stamp, write_picture, write_recording
-from file_attacks import Finding, output_of
+from file_attacks import Finding, loads, output_of
 
 from pilot.commands import train
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.recording_writer import RecordingWriter
 from pilot.files import write_atomically
 from pilot.model.build import build_network
-from pilot.model.checkpoint import Model, UnusableModel, load_model, save_model
+from pilot.model.checkpoint import Model, load_model, save_model
 
 SMALL = ["--network", "lenet", "--samples.block-seconds", "1", "--batch-size", "32", "--cache-gb", "0"]
 ROWS = 1_000_000
@@ -172,16 +172,8 @@ def full_disks(folder: Path) -> Finding:
                     writer.write(dict.fromkeys(("center", "left", "right"), frame), moment / 10, (0.1, 0.2), 9.0)
             finally:
                 resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-            through += not _is_whole(folder / "model.pt") or len(list((folder / "laps" / "IMG").iterdir())) != 15
+            through += not loads(folder / "model.pt") or len(list((folder / "laps" / "IMG").iterdir())) != 15
     return Finding(50, through + (len(read_driving_logs([folder / "laps"]).rows) != 5))
-
-
-def _is_whole(model: Path) -> bool:
-    try:
-        load_model(model)
-    except UnusableModel:
-        return False
-    return True
 
 
 # Several processes
