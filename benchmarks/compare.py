@@ -103,11 +103,12 @@ def main() -> None:
         for name, variant in variants(options.group, base):
             done = pd.read_csv(options.results) if options.results.exists() else pd.DataFrame()
             data = " ".join(folder.name for folder in options.data)
+            config = replace(variant, seed=seed, epochs=min(variant.epochs, options.epochs or variant.epochs))
             key = {"group": options.group, "variant": name, "seed": seed, "data": data}
-            known = len(done) and (done[list(key)] == pd.Series(key)).all(axis=1).any()
+            key |= {"network": config.network, "epochs": config.epochs}
+            known = len(done) and (done.reindex(columns=list(key)) == pd.Series(key)).all(axis=1).any()
             if known or (options.only and name not in options.only):
                 continue
-            config = replace(variant, seed=seed, epochs=min(variant.epochs, options.epochs or variant.epochs))
             row = pd.DataFrame([{**key, **train_and_validate(config, rows)}])
             pd.concat([done, row]).to_csv(options.results, index=False)
             print(row.to_string(index=False), flush=True)

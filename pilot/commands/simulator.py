@@ -89,8 +89,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def record(config: RecordConfig) -> None:
     """Record the expert driving, with a progress bar."""
+    from pilot.simulator.catalogue import load_track
     from pilot.simulator.demonstrations import record as record_expert
 
+    load_track(config.road.name)  # an unknown one is refused before the bar is drawn
     with tqdm(total=100, desc=config.road.name, unit="%", bar_format="{desc}: {percentage:3.0f}%|{bar}|") as bar:
         rows = record_expert(
             config.road.name,
