@@ -1,11 +1,13 @@
 """Pages of other origins, in a real browser, that try to take the car, to set its speed and to show its page."""
 
-import http.server
+import contextlib
 import json
-import threading
+import socket
+import subprocess
+import sys
+import time
 import urllib.request
 from collections.abc import Iterator
-from functools import partial
 
 import pytest
 from browser import needs_browser, opened_browser
@@ -14,6 +16,7 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
 from server_attacks import MESSAGE
 from serving import Server
+from wire import free_port
 
 pytestmark = needs_browser
 
@@ -58,16 +61,22 @@ def other(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
     folder = tmp_path_factory.mktemp("site")
     page = PAGE.replace("PORT", str(server.port)).replace("MESSAGE", json.dumps(MESSAGE))
     (folder / "index.html").write_text(page)
-    handler = partial(QuietHandler, directory=str(folder))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as site:
-        threading.Thread(target=site.serve_forever, daemon=True).start()
-        yield site.server_port
-        site.shutdown()
+    port = free_port()
+    # in a process of its own: this one may have imported eventlet, which leaves a changed http.server behind
+    command = [sys.executable, "-m", "http.server", str(port), "--bind", "127.0.0.1", "--directory", str(folder)]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as site:
+        wait_for_port(port)
+        yield port
+        site.kill()
 
 
-class QuietHandler(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *_arguments: object) -> None:
-        pass
+def wait_for_port(port: int, seconds: float = 30) -> None:
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port)):
+            return
+        time.sleep(0.05)
+    pytest.fail(f"nothing listens on port {port}")
 
 
 @pytest.fixture(scope="module")
