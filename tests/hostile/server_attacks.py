@@ -164,8 +164,8 @@ def page_streams(port: int, until: float) -> int:
     """A hundred pages with saliency."""
     request = f"GET /events?saliency=1 HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode()
     with contextlib.ExitStack() as stack:
-        clients = []
-        for _ in range(100):
+        clients: list[socket.socket] = []
+        while len(clients) < 100 and time.monotonic() < until:
             with contextlib.suppress(OSError):  # refused, or not accepted in time
                 clients.append(stack.enter_context(_connect(port)))
                 clients[-1].sendall(request)
