@@ -17,7 +17,10 @@ from pilot.vehicle import HALF_TRACK
 
 REVERSED = " reversed"  # suffix of a track's name for the opposite direction
 STEP = 0.5  # metres between consecutive points of a track
-MIN_RADIUS = 12.0  # metres, minimum radius of bends; the car's minimum is 6.2
+MIN_RADIUS = 6.5  # metres, minimum radius of bends; the car's minimum is 6.2
+INNER_RADIUS = 1.5  # metres, minimum radius of a bend's inner edge
+CLEARANCE = 7.0  # metres of height between a road and the one that passes above it
+VERGE = 0.5  # metres between the edges of parts of the road that run side by side
 
 
 @dataclass(frozen=True)
@@ -144,7 +147,9 @@ class Track:
         return np.asarray(self.curvatures[indices])
 
 
-def closed_road(name: str, corners: Floats, half_width: float | Floats, *, lane: float = 0.0) -> Track:
+def closed_road(
+    name: str, corners: Floats, half_width: float | Floats, *, lane: float = 0.0, start: float = 0.0
+) -> Track:
     """Create a track from a periodic cubic spline through points.
 
     Args:
@@ -152,9 +157,10 @@ def closed_road(name: str, corners: Floats, half_width: float | Floats, *, lane:
         corners: interpolated points (x, y, z), n x 3, metres.
         half_width: distance from the centre line to the road's edge, metres; one value or one per corner.
         lane: lateral offset of the middle of the car's lane, metres.
+        start: distance from the first corner to the start line, metres.
 
     Raises:
-        ValueError: the road crosses or comes too close to itself, or a bend is too tight for its width.
+        ValueError: the road comes too close to itself, or a bend is too tight for the car or the road's width.
     """
     corners = np.asarray(corners, float)
     closed = np.vstack([corners, corners[:1]])
@@ -166,30 +172,63 @@ def closed_road(name: str, corners: Floats, half_width: float | Floats, *, lane:
     count = round(travelled[-1] / STEP)
     even = np.interp(np.arange(count) * travelled[-1] / count, travelled, fine)
     speed, bend = spline(even, 1), spline(even, 2)
-    squared = (speed[:, :2] ** 2).sum(1)
-    curvatures = (bend[:, 0] * speed[:, 1] - bend[:, 1] * speed[:, 0]) / squared**1.5
+    curvatures = (bend[:, 0] * speed[:, 1] - bend[:, 1] * speed[:, 0]) / (speed[:, :2] ** 2).sum(1) ** 1.5
     headings = np.unwrap(np.arctan2(speed[:, 0], speed[:, 1]))
     widths = np.broadcast_to(half_width, len(corners))
     half_widths = np.interp(even, parameter, np.append(widths, widths[0]))
     track = Track(name, spline(even), headings, curvatures, half_widths, lane)
-    _check(track)
+    return validated(_starting_at(track, start))
+
+
+def resampled(name: str, curve: Floats, half_width: float, *, lane: float = 0.0, start: float = 0.0) -> Track:
+    """Create a track from a finely sampled closed curve.
+
+    Args:
+        name: of the track.
+        curve: n x 5: x, y, z (metres), heading (radians, unwrapped) and curvature (1/m); the last point is the first.
+        half_width: distance from the centre line to the road's edge, metres.
+        lane: lateral offset of the middle of the car's lane, metres.
+        start: distance from the curve's first point to the start line, metres.
+    """
+    travelled = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(curve[:, :2], axis=0), axis=1))])
+    count = round(travelled[-1] / STEP)
+    even = np.arange(count) * travelled[-1] / count
+    x, y, z, headings, curvatures = (np.interp(even, travelled, column) for column in curve.T)
+    track = Track(name, np.column_stack([x, y, z]), headings, curvatures, np.full(count, half_width), lane)
+    return _starting_at(track, start)
+
+
+def _starting_at(track: Track, start: float) -> Track:
+    """Return the same track with the start line moved ahead by `start` metres."""
+    count = round(start / STEP)
+    arrays = {name: np.roll(getattr(track, name), -count, axis=0) for name in ("points", "curvatures", "half_widths")}
+    return replace(track, headings=np.unwrap(np.roll(track.headings, -count)), **arrays)
+
+
+def validated(track: Track) -> Track:
+    """Return the track if a car can drive on it and its surface does not overlap.
+
+    Raises:
+        ValueError: a bend is too tight for the car or the road's width, or the road comes too close to itself.
+    """
+    radius = 1 / np.abs(track.curvatures).max()
+    if radius < max(track.half_widths.max() + INNER_RADIUS, MIN_RADIUS):
+        raise ValueError(f"{track.name}: a bend of {radius:.1f} m radius is too tight")
+    if (closest := separation(track)) < 2 * track.half_widths.max() + VERGE:
+        raise ValueError(f"{track.name}: comes within {closest:.1f} m of itself")
     return track
 
 
-def _check(track: Track) -> None:
-    radius = 1 / np.abs(track.curvatures).max()
-    if radius < max(2 * track.half_widths.max(), MIN_RADIUS):
-        raise ValueError(f"{track.name}: a bend of {radius:.1f} m radius is too tight")
-    if (closest := separation(track)) < 4 * track.half_widths.max():
-        raise ValueError(f"{track.name}: comes within {closest:.1f} m of itself")
+def separation(track: Track, apart: float = 50.0) -> float:
+    """Return the minimum distance (metres, on the map) between parts of the road.
 
-
-def separation(track: Track, apart: float = 70.0) -> float:
-    """Return the minimum distance (metres) between points of the road at least `apart` metres apart along it."""
+    Points less than `apart` metres apart along the road, and those of which one passes above the other, do not count.
+    """
     every = 4
-    points = track.points[::every, :2]
+    points = track.points[::every]
     steps = np.arange(len(points))
     along = np.abs(steps[:, None] - steps[None])
     along = np.minimum(along, len(points) - along) * STEP * every
-    distances = np.linalg.norm(points[:, None] - points[None], axis=2)
-    return float(distances[along >= apart].min())
+    above = np.abs(points[:, None, 2] - points[None, :, 2])
+    distances = np.linalg.norm(points[:, None, :2] - points[None, :, :2], axis=2)
+    return float(distances[(along >= apart) & (above < CLEARANCE)].min())

@@ -56,10 +56,10 @@ def _cobbles(random: np.random.Generator) -> NDArray[np.float64]:
 
 @functools.cache
 def plant(kind: str) -> Picture:
-    """Return a pine, palm or boulder seen from the side on a transparent background: 128x128x4 RGBA."""
+    """Return a pine, palm, boulder or bush seen from the side on a transparent background: 128x128x4 RGBA."""
     random = np.random.default_rng([sum(kind.encode())])
     picture = np.zeros((4 * 128, 4 * 128, 4), np.uint8)
-    {"pine": _pine, "palm": _palm, "boulder": _boulder}[kind](picture, random)
+    {"pine": _pine, "palm": _palm, "boulder": _boulder, "bush": _bush}[kind](picture, random)
     small = cv2.resize(picture, (128, 128), interpolation=cv2.INTER_AREA)
     seen = small[:, :, 3:4] > 127
     mean = picture[picture[:, :, 3] > 0, :3].mean(0)  # for transparent pixels: interpolation mixes them in at edges
@@ -118,6 +118,15 @@ def _boulder(picture: Picture, random: np.random.Generator) -> None:
         cv2.fillPoly(picture, [np.array(face)], (int(140 * shade), int(132 * shade), int(122 * shade), 255))
     grain = (1 + 0.18 * smooth_noise(random, 512, 512, 14))[:, :, None]
     picture[:, :, :3] = (picture[:, :, :3] * grain).clip(0, 255)
+
+
+def _bush(picture: Picture, random: np.random.Generator) -> None:
+    for _ in range(60):
+        across, up = random.uniform(60, 452), random.uniform(150, 480)
+        shade = random.uniform(0.4, 1.3)
+        size = (int(random.uniform(24, 60)), int(random.uniform(20, 44)))
+        colour = (int(46 * shade), int(48 * shade), int(26 * shade), 255)
+        cv2.ellipse(picture, (int(across), int(up)), size, 0, 0, 360, colour, -1)
 
 
 def panorama(light: Light, land: tuple[int, int, int], seed: int) -> Picture:
