@@ -45,9 +45,9 @@ class Piece:
     rise: float = 0.0
 
     def curve(self) -> Floats:
-        """Return the piece as it leaves the origin northwards: n x 4, x, y (metres), heading (radians), curvature (1/m).
+        """Return the piece as it leaves the origin northwards: x, y, heading, curvature (n x 4).
 
-        The last point is the first one of the next piece.
+        Metres, radians and 1/m; the last point is the first one of the next piece.
         """
         side = 1 if self.kind in "rR" else -1
         if self.kind == "S":
@@ -114,7 +114,7 @@ def laid_out_road(
 
 
 def lay_out(pieces: list[Piece], entry: tuple[float, float, float], heading: float) -> Floats:
-    """Return the centre line of pieces one after another: n x 5, x, y, z (metres), heading (radians), curvature (1/m)."""
+    """Return the centre line of consecutive pieces: n x 5, x, y, z (metres), heading (radians), curvature (1/m)."""
     position, parts = np.array(entry, float), []
     for piece in pieces:
         curve = piece.curve()

@@ -9,7 +9,7 @@ from pilot.simulator.rendering.terrain import Terrain
 from pilot.simulator.rendering.textures import MEAN
 
 TILE = 9.0  # metres that a tile of the ground's texture covers
-WATER = (92, 116, 150)  # RGB
+WATER = (190, 206, 212)  # RGB
 
 
 def ground_meshes(course: Course, terrain: Terrain) -> list[Mesh]:
@@ -18,7 +18,7 @@ def ground_meshes(course: Course, terrain: Terrain) -> list[Mesh]:
     # quads completely below the road are never visible
     seen = _quads(terrain.beyond[..., None]).max(axis=(1, 2)) > -2.5
     corners = _quads(points)[seen]
-    colours = _quads(terrain.colours / MEAN)[seen]
+    colours = _quads(terrain.colours / MEAN["ground"])[seen]
     ground = Mesh("ground", corners, colours, corners[:, :, :2] / TILE)
     return [ground] if course.water is None else [ground, _water(course.water, terrain)]
 
@@ -32,5 +32,5 @@ def _quads(grid: Floats) -> Floats:
 def _water(level: float, terrain: Terrain) -> Mesh:
     low = _quads(terrain.heights[..., None]).min(axis=(1, 2)) < level
     corners = _quads(np.dstack([terrain.grid, np.full(terrain.heights.shape, level)]))[low]
-    colours = np.broadcast_to(np.array(WATER, float) / MEAN, corners.shape)
+    colours = np.broadcast_to(np.array(WATER, float) / MEAN["concrete"], corners.shape)
     return Mesh("concrete", corners, colours, corners[:, :, :2] / 40.0)

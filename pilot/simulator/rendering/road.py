@@ -15,11 +15,12 @@ from pilot.simulator.track import CLEARANCE, STEP
 Rows = NDArray[np.bool_]
 Value = TypeVar("Value", bound=np.generic)
 
-POINTS_PER_ROW = 3  # points of the track per row of quads: 1.5 m, the length of a kerb's stripe
-TILE = {"asphalt": 4.0, "tarmac": 4.0, "cobbles": 3.0, "concrete": 3.0, "ground": 6.0}  # metres per tile of a texture
-KERB_RADIUS = 50.0  # metres, maximum radius of bends with kerbs
-BANK_WIDTH, BANK_RISE = 1.0, 0.3  # metres, of kerbs and shoulders, which rise away from the road
-RED, WHITE = (208, 92, 84), (232, 226, 216)
+POINTS_PER_ROW = 3  # points of the track per row of quads: 1.5 m
+TILE = {"asphalt": 4.0, "tarmac": 4.0, "cobbles": 3.0, "concrete": 3.0, "ground": 6.0, "paint": 3.0, "kerb": 0.6}
+"""Metres per tile of a texture."""
+KERB_RADIUS = 60.0  # metres, maximum radius of bends with kerbs
+KERB_WIDTH = 1.2  # metres; kerbs lie between the edge line and the road's edge if there is room, else beside the road
+BANK_WIDTH, BANK_RISE = 0.8, 0.25  # metres, of shoulders, which rise away from the road
 COBBLES, WALL, WALL_TOP = (178, 156, 138), (22, 22, 26), (60, 60, 66)
 DECK_SIDE, DECK_THICKNESS = (120, 118, 112), 1.2  # RGB, metres
 SLOPE_ENDS = 4.5  # metres from the road's edge, where the slope down to the terrain ends
@@ -44,6 +45,7 @@ class _Strips:
     Attributes:
         count: number of rows of quads per lap.
         bridge: mask of the rows on a bridge.
+        cobbles: mask of the rows that are cobbled.
         meshes: the strips on the ground built so far.
         decks: the strips on bridges built so far.
     """
@@ -53,6 +55,7 @@ class _Strips:
         self.count = len(self.track.points) // POINTS_PER_ROW
         self._points = (np.arange(self.count + 1) * len(self.track.points) / self.count).astype(int)
         self.bridge = self.rows(course.on_bridge())
+        self.cobbles = self.bridge & (self.look.deck == "cobbles")
         self._room = {side: free_land(course, side) for side in (-1, 1)}
         self.meshes: list[Mesh] = []
         self.decks: list[Mesh] = []
@@ -64,6 +67,16 @@ class _Strips:
     def weight(self, kind: Roadside, side: int) -> Rows:
         """Return a mask of the rows with a kind of roadside on a side (-1, 1)."""
         return np.asarray(self.rows(self.course.weight(kind, side)) > 0.5)
+
+    @property
+    def kerbs_inside(self) -> bool:
+        """Whether there is room for kerbs between the edge lines and the road's edges."""
+        return self.look.edge_line is not None and self.look.paint_inside > KERB_WIDTH / 2
+
+    def kerb(self, side: int) -> Rows:
+        """Return a mask of the rows with a kerb on a side (-1, 1): those in tight bends."""
+        tight = np.abs(self.rows(self.track.curvatures)) > 1 / KERB_RADIUS
+        return np.asarray(tight & self.look.kerbs & ~self.bridge & ~self.weight("dirt", side))
 
     def lay(
         self,
@@ -89,7 +102,7 @@ class _Strips:
         along = STEP * np.stack([self._points[:-1], self._points[:-1], self._points[1:], self._points[1:]], axis=1)
         ends = (left + lift[0])[self._points[:-1]], (right + lift[1])[self._points[:-1]]
         across = np.stack([ends[0], ends[1], ends[1], ends[0]], axis=1)
-        colours = np.broadcast_to(np.asarray(colour, float) / MEAN, (self.count, 3))
+        colours = np.broadcast_to(np.asarray(colour, float) / MEAN[texture], (self.count, 3))
         texels = np.stack([across, along], axis=2) / TILE[texture]
         for meshes, part in ((self.meshes, where & ~self.bridge), (self.decks, where & self.bridge)):
             meshes.append(Mesh(texture, corners[part], np.repeat(colours[part, None], 4, axis=1), texels[part]))
@@ -153,41 +166,39 @@ def _asphalt(strips: _Strips) -> None:
     look, half = strips.look, strips.track.half_widths
     lanes = half - (look.paint_inside + look.paint_width if look.edge_line else 0)
     line = np.full(len(half), look.paint_width / 2)
-    dashed = (np.arange(strips.count) % sum(look.dash) < look.dash[0])[:, None]
-    middle = np.where(dashed, look.middle_line, look.asphalt) if look.middle_line else look.asphalt
-    cobbles = strips.bridge & (look.deck == "cobbles")
-    strips.lay(look.grain, -lanes, -line, colour=look.asphalt, where=~cobbles)
-    strips.lay(look.grain, -line, line, colour=middle, where=~cobbles)
-    strips.lay(look.grain, line, lanes, colour=look.asphalt, where=~cobbles)
-    strips.lay("cobbles", -half, half, colour=COBBLES, where=cobbles)
+    dashed = (np.arange(strips.count) % sum(look.dash) < look.dash[0]) & (look.middle_line is not None)
+    for texture, colour, where in (("paint", look.middle_line, dashed), (look.grain, look.asphalt, ~dashed)):
+        strips.lay(texture, -line, line, colour=colour or look.asphalt, where=where & ~strips.cobbles)
+    strips.lay(look.grain, -lanes, -line, colour=look.asphalt, where=~strips.cobbles)
+    strips.lay(look.grain, line, lanes, colour=look.asphalt, where=~strips.cobbles)
+    strips.lay("cobbles", -half, half, colour=COBBLES, where=strips.cobbles)
 
 
 def _edge(strips: _Strips, side: int) -> None:
-    """Add the edge line, which is absent where the roadside is dirt."""
+    """Add the edge line, which is absent where the roadside is dirt, and the asphalt or kerb outside it."""
     look = strips.look
     if look.edge_line:
-        paint = np.where(strips.weight("dirt", side)[:, None], look.asphalt, look.edge_line)
         inner, outer = -look.paint_inside - look.paint_width, -look.paint_inside
-        painted = ~strips.bridge | (look.deck == "road")
-        strips.lay_beside(side, look.grain, inner, outer, colour=paint, where=painted)
-        strips.lay_beside(side, look.grain, outer, 0, colour=look.asphalt, where=painted)
+        dirt, kerb = strips.weight("dirt", side), strips.kerb(side) & strips.kerbs_inside
+        for texture, colour, where in (("paint", look.edge_line, ~dirt), (look.grain, look.asphalt, dirt)):
+            strips.lay_beside(side, texture, inner, outer, colour=colour, where=where & ~strips.cobbles)
+        strips.lay_beside(side, "kerb", outer + 0.2, 0, colour=(255, 255, 255), where=kerb)
+        strips.lay_beside(side, look.grain, outer, outer + 0.2, colour=look.asphalt, where=kerb)
+        strips.lay_beside(side, look.grain, outer, 0, colour=look.asphalt, where=~kerb & ~strips.cobbles)
 
 
 def _beside(strips: _Strips, side: int) -> None:
-    """Add the kerb (in tight bends), shoulder, dirt or grass at the road's edge, and the slope down to the terrain."""
+    """Add the kerb, shoulder, dirt or grass at the road's edge, and the slope down to the terrain."""
     look, land = strips.look, ~strips.bridge
     dirt = strips.weight("dirt", side) & land
-    tight = np.abs(strips.rows(strips.track.curvatures)) > 1 / KERB_RADIUS
-    kerb = tight & land & ~dirt & look.kerbs
+    kerb = strips.kerb(side) & (not strips.kerbs_inside)
     shoulder = land & ~dirt & ~kerb & (look.shoulder is not None)
-    stripes = np.where((np.arange(strips.count) % 2 == 0)[:, None], RED, WHITE)
     ground = np.where(dirt[:, None], DIRT, look.grass)
-    lift = (0.0, BANK_RISE)
-    strips.lay_beside(side, "concrete", 0, BANK_WIDTH, colour=strips.banked(side, stripes), where=kerb, lift=lift)
+    strips.lay_beside(side, "kerb", 0, BANK_WIDTH, colour=(255, 255, 255), where=kerb)
     bank = strips.banked(side, look.shoulder or look.grass)
-    strips.lay_beside(side, "concrete", 0, BANK_WIDTH, colour=bank, where=shoulder, lift=lift)
+    strips.lay_beside(side, "concrete", 0, BANK_WIDTH, colour=bank, where=shoulder, lift=(0.0, BANK_RISE))
     strips.lay_beside(side, "ground", 0, BANK_WIDTH, colour=ground, where=land & ~kerb & ~shoulder)
-    for raised, height in ((kerb | shoulder, BANK_RISE), (land & ~kerb & ~shoulder, 0.0)):
+    for raised, height in ((shoulder, BANK_RISE), (land & ~shoulder, 0.0)):
         strips.lay_beside(side, "ground", BANK_WIDTH, SLOPE_ENDS, colour=ground, where=raised, lift=(height, -0.4))
 
 

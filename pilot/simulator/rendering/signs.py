@@ -3,7 +3,7 @@
 import numpy as np
 
 from pilot.arrays import Floats
-from pilot.simulator.course import Colour, Course, Light
+from pilot.simulator.course import Course, Light
 from pilot.simulator.rendering.mesh import Mesh
 from pilot.simulator.rendering.textures import MEAN
 from pilot.simulator.track import STEP, Track
@@ -12,8 +12,8 @@ APART = 4.0  # metres between two posts
 BESIDE = 0.5  # metres from the road's edge
 POST_WIDTH, HEIGHT = 0.14, 2.3  # metres
 BOARD_WIDTH, BOARD_HEIGHT = 0.9, 0.36  # metres
-RED, WHITE, POST = (206, 70, 66), (236, 236, 232), (206, 208, 210)
-BANDS: tuple[tuple[float, float, Colour], ...] = ((0.0, 0.34, RED), (0.34, 0.66, WHITE), (0.66, 1.0, RED))
+RED, WHITE, POST = np.array([206.0, 70, 66]), np.array([236.0, 236, 232]), np.array([206.0, 208, 210])
+BANDS = ((0.0, 0.34, RED), (0.34, 0.66, WHITE), (0.66, 1.0, RED))
 
 
 def sign_meshes(course: Course, light: Light) -> list[Mesh]:
@@ -34,17 +34,17 @@ def _sign(track: Track, index: int, side: int, shine: Floats) -> list[Mesh]:
     foot = track.points[index] + side * (track.half_widths[index] + BESIDE) * right
     low, high = HEIGHT - BOARD_HEIGHT, HEIGHT
     board = [
-        _upright(foot, right, BOARD_WIDTH, low + first * BOARD_HEIGHT, low + last * BOARD_HEIGHT, colour, shine)
+        _upright(foot, right * BOARD_WIDTH, (low + first * BOARD_HEIGHT, low + last * BOARD_HEIGHT), colour * shine)
         for first, last, colour in BANDS
     ]
-    post = [_upright(foot, way, POST_WIDTH, -1.0, high, POST, shine) for way in (right, ahead)]
+    post = [_upright(foot, way * POST_WIDTH, (-1.0, high), POST * shine) for way in (right, ahead)]
     return [*board, *post]
 
 
-def _upright(foot: Floats, right: Floats, width: float, low: float, high: float, colour: Colour, shine: Floats) -> Mesh:
-    """Return an upright quad around a line above a point; measures in metres."""
-    aside, up = right * width / 2, np.array([0, 0, 1.0])
-    corners = np.array([foot - aside + low * up, foot + aside + low * up, foot + aside + high * up])
-    corners = np.vstack([corners, foot - aside + high * up])[None]
-    colours = np.broadcast_to(np.array(colour) * shine / MEAN, (1, 4, 3))
-    return Mesh("concrete", corners, colours, np.zeros((1, 4, 2)))
+def _upright(foot: Floats, across: Floats, heights: tuple[float, float], colour: Floats) -> Mesh:
+    """Return an upright quad around a vertical line, from `heights` above its foot; measures in metres."""
+    low, high = (np.array([0, 0, height]) for height in heights)
+    left, right = foot - across / 2, foot + across / 2
+    corners = np.array([[left + low, right + low, right + high, left + high]])
+    colours = np.broadcast_to(colour / MEAN["paint"], (1, 4, 3))
+    return Mesh("paint", corners, colours, np.zeros((1, 4, 2)))

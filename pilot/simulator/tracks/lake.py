@@ -137,6 +137,7 @@ LAND = [
     ("hill", 1108, 1138, -1, 3, 10, 8),
 ]  # kind, from, to (metres along the track), side, rise, distance from the road's edge, width (metres)
 BRIDGE = (704, 774)  # metres along the track
+DIRT = [(76, 113, 1), (864, 880, 1)]  # from, to (metres along the track), side: where a dirt road leaves and returns
 
 
 def course() -> Course:
@@ -145,18 +146,16 @@ def course() -> Course:
     roadside = (
         *(RoadsideSection(kind, start, end, side, Shape(*shape)) for kind, start, end, side, *shape in LAND),
         RoadsideSection("bridge", *BRIDGE),
-        RoadsideSection("dirt", 0, 118, 1),
-        RoadsideSection("dirt", 842, 870, 1),
-        RoadsideSection("dirt", 1090, 1138, 1),
+        *(RoadsideSection("dirt", *section) for section in DIRT),
     )
     look = Look(
         asphalt=(128, 126, 110),
-        paint_inside=1.0,
-        shoulder=(226, 218, 198),
+        paint_inside=1.15,
+        shoulder=(226, 214, 190),
         grass=(168, 156, 60),
         dry=(176, 134, 82),
         rock=(170, 158, 130),
         trees=26,
-        bushes=60,
+        bushes=130,
     )
     return Course(closed_road("lake", corners, HALF_WIDTH, start=START), look, "noon", roadside, seed=1, water=-3.0)
