@@ -91,7 +91,7 @@ def _best_start(motion: Motion, track: Track, scale: float) -> tuple[float, floa
 
 def _window_means(values: Floats, length: int) -> Floats:
     sums = np.concatenate([[0.0], np.cumsum(values)])
-    return (sums[length:] - sums[:-length]) / length
+    return np.asarray((sums[length:] - sums[:-length]) / length)
 
 
 def _refined(motion: Motion, track: Track, start: float, scale: float) -> Floats:
@@ -105,7 +105,7 @@ def _refined(motion: Motion, track: Track, start: float, scale: float) -> Floats
     path = STEP * shifts[_cheapest_path(costs)]
     distances = _driven(motion, scale)
     middles = PIECE * (np.arange(pieces) + 0.5)
-    return (start + distances + np.interp(distances, middles, path)) % track.length
+    return np.asarray((start + distances + np.interp(distances, middles, path)) % track.length)
 
 
 def _cheapest_path(costs: Floats) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilot.arrays import Floats
-from pilot.simulator.track import Track, resampled, validated
+from pilot.simulator.track import Track, resampled
 
 FINE = 0.05  # metres between the points that a piece is made of, approximately
 STRAIGHT = 10.0  # metres
@@ -104,13 +104,13 @@ def laid_out_road(
         start: distance from the first piece to the start line, metres.
 
     Raises:
-        ValueError: the road is not closed, a bend is too tight for its width, or it comes too close to itself.
+        ValueError: the road is not closed.
     """
     curve = lay_out(pieces, entry, heading)
     gap, turn = math.dist(curve[-1, :3], entry), (curve[-1, 3] - heading + math.pi) % math.tau - math.pi
     if gap > CLOSED[0] or abs(turn) > CLOSED[1]:
         raise ValueError(f"{name}: the road ends {gap:.1f} m and {math.degrees(turn):.1f} degrees from where it began")
-    return validated(resampled(name, curve, half_width, lane=lane, start=start))
+    return resampled(name, curve, half_width, lane=lane, start=start)
 
 
 def lay_out(pieces: list[Piece], entry: tuple[float, float, float], heading: float) -> Floats:

@@ -21,6 +21,8 @@ MIN_RADIUS = 6.5  # metres, minimum radius of bends; the car's minimum is 6.2
 INNER_RADIUS = 1.5  # metres, minimum radius of a bend's inner edge
 CLEARANCE = 7.0  # metres of height between a road and the one that passes above it
 VERGE = 0.5  # metres between the edges of parts of the road that run side by side
+EMBANKMENT = 0.3  # metres added to that for each metre of height between them
+COARSE = 4  # points per point at which the distance to other parts of the road is checked
 
 
 @dataclass(frozen=True)
@@ -158,9 +160,6 @@ def closed_road(
         half_width: distance from the centre line to the road's edge, metres; one value or one per corner.
         lane: lateral offset of the middle of the car's lane, metres.
         start: distance from the first corner to the start line, metres.
-
-    Raises:
-        ValueError: the road comes too close to itself, or a bend is too tight for the car or the road's width.
     """
     corners = np.asarray(corners, float)
     closed = np.vstack([corners, corners[:1]])
@@ -177,7 +176,7 @@ def closed_road(
     widths = np.broadcast_to(half_width, len(corners))
     half_widths = np.interp(even, parameter, np.append(widths, widths[0]))
     track = Track(name, spline(even), headings, curvatures, half_widths, lane)
-    return validated(_starting_at(track, start))
+    return _starting_at(track, start)
 
 
 def resampled(name: str, curve: Floats, half_width: float, *, lane: float = 0.0, start: float = 0.0) -> Track:
@@ -214,21 +213,34 @@ def validated(track: Track) -> Track:
     radius = 1 / np.abs(track.curvatures).max()
     if radius < max(track.half_widths.max() + INNER_RADIUS, MIN_RADIUS):
         raise ValueError(f"{track.name}: a bend of {radius:.1f} m radius is too tight")
-    if (closest := separation(track)) < 2 * track.half_widths.max() + VERGE:
-        raise ValueError(f"{track.name}: comes within {closest:.1f} m of itself")
+    distances, heights = separations(track)
+    too_close = (distances - EMBANKMENT * heights < 2 * track.half_widths.max() + VERGE) & (heights < CLEARANCE)
+    if too_close.any():
+        raise ValueError(f"{track.name}: comes within {distances[too_close].min():.1f} m of itself")
     return track
 
 
-def separation(track: Track, apart: float = 50.0) -> float:
-    """Return the minimum distance (metres, on the map) between parts of the road.
+def separations(track: Track, apart: float = 50.0) -> tuple[Floats, Floats]:
+    """Return the distances on the map and in height (n each, metres) between parts of the road.
 
-    Points less than `apart` metres apart along the road, and those of which one passes above the other, do not count.
+    Args:
+        track: the road.
+        apart: distance along the road from which two points belong to different parts, metres.
     """
-    every = 4
-    points = track.points[::every]
-    steps = np.arange(len(points))
-    along = np.abs(steps[:, None] - steps[None])
-    along = np.minimum(along, len(points) - along) * STEP * every
-    above = np.abs(points[:, None, 2] - points[None, :, 2])
-    distances = np.linalg.norm(points[:, None, :2] - points[None, :, :2], axis=2)
-    return float(distances[(along >= apart) & (above < CLEARANCE)].min())
+    points = track.points[::COARSE]
+    first, second = np.triu_indices(len(points), round(apart / STEP / COARSE))
+    different = len(points) - (second - first) >= apart / STEP / COARSE
+    between = points[second[different]] - points[first[different]]
+    return np.hypot(between[:, 0], between[:, 1]), np.abs(between[:, 2])
+
+
+def crossings(track: Track, apart: float = 50.0) -> list[tuple[int, int]]:
+    """Return the pairs of points at which the road crosses itself on the map, at least `apart` metres along it."""
+    pairs = track.tree.query_pairs(STEP, output_type="ndarray")
+    count, least = len(track.points), apart / STEP
+    found: list[tuple[int, int]] = []
+    for first, second in sorted(map(tuple, pairs)):
+        between = second - first
+        if min(between, count - between) >= least and all(abs(first - other) > least for other, _ in found):
+            found.append((int(first), int(second)))
+    return found

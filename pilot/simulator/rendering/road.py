@@ -36,7 +36,8 @@ def road_meshes(course: Course, light: Light) -> tuple[list[Mesh], list[Mesh]]:
         _beside(strips, side)
         _bridge(strips, side)
     _underside(strips)
-    return tuple([mesh for mesh in meshes if len(mesh.corners)] for meshes in (strips.meshes, strips.decks))
+    on_ground, on_bridges = ([mesh for mesh in meshes if len(mesh.corners)] for meshes in (strips.meshes, strips.decks))
+    return on_ground, on_bridges
 
 
 class _Strips:

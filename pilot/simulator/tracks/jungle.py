@@ -2,9 +2,9 @@
 
 import math
 
-from pilot.simulator.course import Course, Look, RoadsideSection, Shape
+from pilot.simulator.course import Course, Look, Roadside, RoadsideSection, Shape
 from pilot.simulator.road_pieces import laid_out_road, parse_layout
-from pilot.simulator.track import Track
+from pilot.simulator.track import Track, validated
 
 NUMBER = 2
 HALF_WIDTH, LANE = 4.6, 2.3  # metres
@@ -14,7 +14,7 @@ LAYOUT = """
 """
 ENTRY = (56.0, -64.0, -80.0)  # x, y, z of the first piece, metres
 START = 773.5  # metres from the first piece to the start line
-LAND = [
+LAND: list[tuple[Roadside, float, float, int, float, float, float]] = [
     ("cliff", 0, 82, -1, 15, 8, 8),
     ("drop", 0, 94, 1, -15, 6, 14),
     ("cliff", 82, 106, -1, 15, 18, 8),
@@ -100,35 +100,36 @@ SIGNS = [
     (1116, 1132, -1),
     (1160, 1176, -1),
 ]  # from, to (metres along the track), side
+LOOK = Look(
+    asphalt=(168, 166, 160),
+    grain="tarmac",
+    edge_line=(236, 236, 232),
+    middle_line=(236, 236, 232),
+    paint_inside=0.05,
+    paint_width=0.24,
+    shoulder=None,
+    kerbs=False,
+    grass=(104, 112, 58),
+    dry=(116, 112, 72),
+    rock=(104, 106, 86),
+    tree="palm",
+    trees=34.0,
+    relief=24.0,
+    verge=1.5,
+    deck="road",
+)
 
 
 def course() -> Course:
     """Create the course: hills, hairpin bends, two lanes of which the car uses the right one, cliffs, an overpass."""
-    look = Look(
-        asphalt=(168, 166, 160),
-        grain="tarmac",
-        edge_line=(236, 236, 232),
-        middle_line=(236, 236, 232),
-        paint_inside=0.05,
-        paint_width=0.24,
-        shoulder=None,
-        kerbs=False,
-        grass=(104, 112, 58),
-        dry=(116, 112, 72),
-        rock=(104, 106, 86),
-        tree="palm",
-        trees=34,
-        relief=24,
-        verge=1.5,
-        deck="road",
-    )
     roadside = (
         *(RoadsideSection(kind, start, end, side, Shape(*shape)) for kind, start, end, side, *shape in LAND),
         *(RoadsideSection("signs", *section) for section in SIGNS),
         RoadsideSection("bridge", *BRIDGE),
     )
-    return Course(_track(), look, "clear", roadside, seed=2)
+    return Course(_track(), LOOK, "clear", roadside, seed=2)
 
 
 def _track() -> Track:
-    return laid_out_road("jungle", parse_layout(LAYOUT), ENTRY, -math.pi / 2, HALF_WIDTH, lane=LANE, start=START)
+    pieces = parse_layout(LAYOUT)
+    return validated(laid_out_road("jungle", pieces, ENTRY, -math.pi / 2, HALF_WIDTH, lane=LANE, start=START))

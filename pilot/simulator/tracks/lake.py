@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from pilot.simulator.course import Course, Look, RoadsideSection, Shape
-from pilot.simulator.track import closed_road
+from pilot.simulator.course import Course, Look, Roadside, RoadsideSection, Shape
+from pilot.simulator.track import closed_road, validated
 
 NUMBER = 1
 HALF_WIDTH = 4.8  # metres
@@ -80,7 +80,7 @@ CORNERS = [
     (165.7, 66.9),
     (175.9, 79.6),
 ]  # x, y in metres: counter-clockwise, the usual direction; the road is level
-LAND = [
+LAND: list[tuple[Roadside, float, float, int, float, float, float]] = [
     ("hill", 0, 76, -1, 3, 6, 8),
     ("cliff", 0, 24, 1, 10, 22, 8),
     ("cliff", 24, 42, 1, 15, 18, 8),
@@ -138,6 +138,16 @@ LAND = [
 ]  # kind, from, to (metres along the track), side, rise, distance from the road's edge, width (metres)
 BRIDGE = (704, 774)  # metres along the track
 DIRT = [(76, 113, 1), (864, 880, 1)]  # from, to (metres along the track), side: where a dirt road leaves and returns
+LOOK = Look(
+    asphalt=(128, 126, 110),
+    paint_inside=1.15,
+    shoulder=(226, 214, 190),
+    grass=(168, 156, 60),
+    dry=(176, 134, 82),
+    rock=(170, 158, 130),
+    trees=26.0,
+    bushes=130.0,
+)
 
 
 def course() -> Course:
@@ -148,14 +158,6 @@ def course() -> Course:
         RoadsideSection("bridge", *BRIDGE),
         *(RoadsideSection("dirt", *section) for section in DIRT),
     )
-    look = Look(
-        asphalt=(128, 126, 110),
-        paint_inside=1.15,
-        shoulder=(226, 214, 190),
-        grass=(168, 156, 60),
-        dry=(176, 134, 82),
-        rock=(170, 158, 130),
-        trees=26,
-        bushes=130,
+    return Course(
+        validated(closed_road("lake", corners, HALF_WIDTH, start=START)), LOOK, "noon", roadside, seed=1, water=-3.0
     )
-    return Course(closed_road("lake", corners, HALF_WIDTH, start=START), look, "noon", roadside, seed=1, water=-3.0)
