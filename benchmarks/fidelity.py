@@ -83,7 +83,7 @@ def print_real_drives(models: list[Path]) -> None:
         for track in TRACKS:
             scores = score(track, [run(DriveRequest(ModelPolicy(model), track, CAREFUL))])
             found = f"{scores.interventions} interventions"
-            print(f"{model.name:<22}{track:<18}{found:>18}{100 * scores.autonomy:8.1f} % autonomy")
+            print(f"{model.name:<22}{track:<18}{found:>18}{scores.autonomy:8.1f} % autonomy")
 
 
 def print_built_in_drives(models: list[Path], folders: list[Path]) -> None:
@@ -97,7 +97,7 @@ def print_built_in_drives(models: list[Path], folders: list[Path]) -> None:
             try:
                 recording = prepare(rows)
                 replayed = score(folder.name, replay(recording, driver.steer))
-                text = f"{100 * replayed.autonomy:8.1f} % autonomy by the {recording.reference}"
+                text = f"{replayed.autonomy:8.1f} % autonomy by the {recording.reference}"
             except UnusableRecording as error:
                 text = f"  no replay: {error}"
             print(f"{model.name:<22}{folder.name:<18}{correlation:6.2f} correlation{text}")

@@ -30,6 +30,8 @@ class DemonstrationConfig:
         rate: Rows per second.
         speed: Target speed in mph; bends are taken more slowly.
         wander: Standard deviation in metres of a random offset from the middle of the lane; imitates a person.
+        vary_cameras: Vary the cameras' height and pitch, the exposure, the tint and the JPEG quality at random in each
+            row, so that a network does not depend on them.
         seed: Seed of the random generators.
     """
 
@@ -38,6 +40,7 @@ class DemonstrationConfig:
     rate: float = RECORDING_RATE
     speed: float = 30.0
     wander: float = 0.0
+    vary_cameras: bool = False
     seed: int = 0
 
     def check(self) -> None:

@@ -10,13 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilot.simulator.car import GRAVITY
+from pilot.pursuit import LOOKAHEAD, lookahead, offset_left
 from pilot.simulator.episode import Episode
-from pilot.vehicle import MPH, TICK, curvature_to_steering
+from pilot.vehicle import GRAVITY, MPH, TICK, curvature_to_steering
 
-LOOKAHEAD = 10.0  # metres from the rear axle; equals `viewpoint_lookahead` of the built-in recipe
-SHORTEST_LOOKAHEAD = 6.0  # metres; in tight bends, whose inner edge a longer one cuts; the bonnet hides nearer points
-LOOKAHEAD_PER_RADIUS = 0.3  # lookahead in bends, as a share of their radius
 MAX_LATERAL_ACCELERATION = 0.45 * GRAVITY  # m/s², maximum lateral acceleration in bends
 DECELERATION = 3.5  # m/s², assumed deceleration
 REACTION = 0.15  # s, time constant of the steering if it wanders
@@ -59,8 +56,11 @@ class Expert:
             self._target_offset = min(max(self._target_offset * (1 - step) + kick, -room), room)
 
     def _steer(self) -> float:
-        track, car = self.episode.track, self.episode.car
-        x, y, _ = track.at(self.episode.where.progress + self.lookahead(), track.lane + self._target_offset)
+        track, car, where = self.episode.track, self.episode.car, self.episode.where
+        tightest = float(np.abs(track.curvature_ahead(where.progress, LOOKAHEAD)).max())
+        target = track.lane + self._target_offset
+        ahead = target + (where.lateral_offset - target) * float(offset_left(tightest))
+        x, y, _ = track.at(where.progress + float(lookahead(tightest)), ahead)
         east, north = x - car.x, y - car.y
         right = east * math.cos(car.heading) - north * math.sin(car.heading)
         wanted = curvature_to_steering(2 * right / (east * east + north * north))
@@ -68,11 +68,6 @@ class Expert:
             wanted = self._steering + (wanted - self._steering) * TICK / REACTION
         self._steering = min(max(wanted, -1.0), 1.0)
         return self._steering
-
-    def lookahead(self) -> float:
-        """Return the distance (metres) to the point to steer for, which is shorter in tight bends."""
-        tightest = float(np.abs(self.episode.track.curvature_ahead(self.episode.where.progress, LOOKAHEAD)).max())
-        return min(max(LOOKAHEAD_PER_RADIUS / max(tightest, 1e-6), SHORTEST_LOOKAHEAD), LOOKAHEAD)
 
     def _accelerate(self) -> float:
         """Return the throttle that keeps the allowed speed; brakes if it is exceeded by more than 1 m/s."""

@@ -75,7 +75,7 @@ _BUILT_IN = TrainingConfig(
     learning_rate=2e-3,
     warm_up=200,
     l2=1e-6,
-    samples=SampleConfig(side_correction=0.11),
-    augment=AugmentConfig(flip=0, viewpoint_lookahead=10),
+    samples=SampleConfig(side_rule="pursuit"),
+    augment=AugmentConfig(flip=0, viewpoint_lookahead=None),
 )
 RECIPES: dict[str, TrainingConfig] = {"default": TrainingConfig(), "built-in": _BUILT_IN, **_REPORT_RECIPES}
