@@ -3,12 +3,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import picture
+from conftest import circle, picture
 
 from pilot import vehicle
 from pilot.data import augment
 from pilot.data.augment import AugmentConfig
+from pilot.data.samples import side_steering
 from pilot.data.view import View, render
+from pilot.simulator.catalogue import load_track
+from pilot.simulator.episode import Episode
+from pilot.simulator.expert import Expert
 from pilot.training.recipes import RECIPES
 
 WHOLE = (0, 160)
@@ -69,8 +73,26 @@ def test_the_recovery_label_reaches_the_path_at_the_lookahead() -> None:
 @pytest.mark.parametrize("recipe", ["default", "built-in"])
 def test_a_shift_by_a_side_camera_means_the_side_cameras_correction(recipe: str) -> None:
     config = RECIPES[recipe]
-    view = augment.shift_viewpoint(View(0), -vehicle.SIDE_CAMERA_OFFSET, 0, config.augment.viewpoint_lookahead)
-    assert view.steering == pytest.approx(config.samples.side_correction, abs=0.005)
+    for camera, offset in vehicle.CAMERA_OFFSETS.items():
+        view = augment.shift_viewpoint(View(0.1), offset, 0, config.augment.viewpoint_lookahead)
+        assert view.steering == pytest.approx(side_steering(0.1, camera, config.samples), abs=0.006)
+
+
+def test_labels_of_displaced_views_are_the_experts_steering_from_there() -> None:
+    """On a straight and in a bend of 60 m radius, to the left and to the right of the path, and askew."""
+    for track, start in ((load_track("lake"), 750.0), (circle(), 20.0)):
+        episode = Episode(track)
+        for offset, heading in ((0.8, 0.0), (-1.5, 0.0), (0.5, 0.05)):
+            episode.place(start)
+            plain = Expert(episode).command()[0]
+            episode.place(start, offset, heading)
+            view = augment.shift_viewpoint(View(plain), offset, heading, None)
+            assert view.steering == pytest.approx(Expert(episode).command()[0], abs=0.02)
+
+
+def test_in_tight_bends_displaced_views_return_sooner() -> None:
+    tight, wide = (augment.shift_viewpoint(View(steering), 1.0, 0, None).steering for steering in (0.8, 0.0))
+    assert 0.8 - tight > 3 * (0.0 - wide) > 0
 
 
 def test_height_crop_stretches_the_rows_left_and_keeps_the_label() -> None:
