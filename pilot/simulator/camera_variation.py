@@ -8,8 +8,8 @@ import numpy as np
 from pilot.arrays import Frame
 from pilot.data.frames import QUALITY
 
-HEIGHT = 0.06  # metres, standard deviation
-PITCH, ROLL = math.radians(0.8), math.radians(0.8)  # standard deviations; a car on springs leans in bends, too
+HEIGHT = 0.05  # metres, standard deviation
+PITCH, ROLL = math.radians(0.5), math.radians(0.5)  # standard deviations; a car on springs leans in bends, too
 EXPOSURE = 0.12  # standard deviation of the logarithm of the brightness factor
 TINT = 0.03  # standard deviation of the logarithm of each channel's factor
 QUALITIES = (55, 95)  # of JPEG

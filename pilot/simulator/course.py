@@ -21,7 +21,7 @@ RAMP = 8.0  # metres of transition at each end of a section of the roadside
 
 @dataclass(frozen=True)
 class Shape:
-    """Cross-section of the land beside the road.
+    """Cross-section of the terrain beside the road.
 
     Attributes:
         rise: height reached above the road, metres; negative below it.
@@ -52,7 +52,7 @@ class RoadsideSection:
         kind: of the roadside.
         start, end: metres along the track; a section whose end is smaller than its start contains the start line.
         side: -1 left, 1 right, 0 both, in the direction of the course's track.
-        shape: of the land; None: the kind's in SHAPES, if it has one.
+        shape: of the terrain; None: the kind's in SHAPES, if it has one.
     """
 
     kind: Roadside
@@ -62,8 +62,8 @@ class RoadsideSection:
     shape: Shape | None = None
 
     @property
-    def land(self) -> Shape | None:
-        """Cross-section of the land; None: the land stays level."""
+    def terrain(self) -> Shape | None:
+        """Cross-section of the terrain; None: it stays level."""
         return self.shape or SHAPES.get(self.kind)
 
 

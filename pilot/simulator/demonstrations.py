@@ -27,7 +27,7 @@ NAMED_TRACKS = DemonstrationConfig(laps=1, recoveries=40, rate=2.0, vary_cameras
 RANDOM_TRACKS = DemonstrationConfig(laps=1, recoveries=14, rate=0.4, vary_cameras=True)
 DEMONSTRATIONS: dict[str, DemonstrationConfig] = {
     **dict.fromkeys(both_ways(track_names()), NAMED_TRACKS),
-    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_TRACKS for seed in range(1000, 1150)},
+    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_TRACKS for seed in range(1000, 1130)},
 }
 
 
@@ -46,7 +46,7 @@ def record(
         track: lake, jungle, mountain or random:SEED; with the suffix " reversed" in the opposite direction.
         config: what to demonstrate.
         folder: folder of the recording; rows are appended to an existing one.
-        light: noon, evening or overcast; None: the course's default.
+        light: noon, clear, evening or overcast; None: the course's default.
         listed_as: folder for the paths in the log, if the recording will be moved there; None: `folder`.
         on_progress: called with the completed share (0..1) after each row.
 

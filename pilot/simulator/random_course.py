@@ -40,7 +40,7 @@ def random_course(seed: int) -> Course:
     if look.middle_line:  # two lanes, if the road is wide enough
         wide = track.half_widths.min() > NARROWEST_LANES
         track, look = (replace(track, lane=2.2), look) if wide else (track, replace(look, middle_line=None))
-    roadside = (*_random_land(track.length, random), *_random_others(track.length, random), *_bridges(track))
+    roadside = (*_random_terrain(track.length, random), *_random_others(track.length, random), *_bridges(track))
     return Course(track, look, str(random.choice(list(LIGHTS))), roadside, seed=1000 + seed)
 
 
@@ -70,11 +70,11 @@ def _colour(values: Floats) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def _random_land(length: float, random: np.random.Generator) -> Iterator[RoadsideSection]:
+def _random_terrain(length: float, random: np.random.Generator) -> Iterator[RoadsideSection]:
     """Yield sections of hills, cliffs and slopes on both sides."""
     wildness = random.uniform(0.3, 1.0)  # share of the road that has them
     for side in (-1, 1):
-        for start, end in _stretches(length, (15.0, 80.0), wildness, random):
+        for start, end in _spans(length, (15.0, 80.0), wildness, random):
             kind = list(RISES)[random.integers(len(RISES))]
             shape = Shape(
                 float(random.uniform(*RISES[kind])),
@@ -87,11 +87,11 @@ def _random_land(length: float, random: np.random.Generator) -> Iterator[Roadsid
 def _random_others(length: float, random: np.random.Generator) -> Iterator[RoadsideSection]:
     """Yield sections of dirt without an edge line, groves, and boards on posts."""
     for side in (-1, 1):
-        for start, end in _stretches(length, (15.0, 50.0), 0.2, random):
+        for start, end in _spans(length, (15.0, 50.0), 0.2, random):
             yield RoadsideSection(OTHERS[random.integers(len(OTHERS))], start, end, side)
 
 
-def _stretches(
+def _spans(
     length: float, lengths: tuple[float, float], share: float, random: np.random.Generator
 ) -> Iterator[tuple[float, float]]:
     """Yield random parts (from, to; metres) of a road, which cover about a share of it."""

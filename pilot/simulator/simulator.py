@@ -56,7 +56,7 @@ class Simulator:
         Args:
             track: lake, jungle, mountain or random:SEED; with the suffix " reversed" in the opposite direction.
             seed: of a random start position; None: the start line.
-            light: noon, evening or overcast; None: the course's default.
+            light: noon, clear, evening or overcast; None: the course's default.
 
         Raises:
             ValueError: there is no such track or light.

@@ -24,7 +24,7 @@ BANK_WIDTH, BANK_RISE = 0.8, 0.25  # metres, of shoulders, which rise away from 
 COBBLES, WALL, WALL_TOP = (178, 156, 138), (22, 22, 26), (60, 60, 66)
 DECK_SIDE, DECK_THICKNESS = (120, 118, 112), 1.2  # RGB, metres
 SLOPE_ENDS = 4.5  # metres from the road's edge, where the slope down to the terrain ends
-OWN_LAND = 10.0  # metres along the road within which the nearest point of the road is still the same part of it
+OWN_GROUND = 10.0  # metres along the road within which the nearest point of the road is still the same part of it
 
 
 def road_meshes(course: Course, light: Light) -> tuple[list[Mesh], list[Mesh]]:
@@ -57,7 +57,7 @@ class _Strips:
         self._points = (np.arange(self.count + 1) * len(self.track.points) / self.count).astype(int)
         self.bridge = self.rows(course.on_bridge())
         self.cobbles = self.bridge & (self.look.deck == "cobbles")
-        self._room = {side: free_land(course, side) for side in (-1, 1)}
+        self._room = {side: free_ground(course, side) for side in (-1, 1)}
         self.meshes: list[Mesh] = []
         self.decks: list[Mesh] = []
 
@@ -145,20 +145,20 @@ class _Strips:
         return np.asarray(border[self._points % len(border)])
 
 
-def free_land(course: Course, side: int, most: float = SLOPE_ENDS) -> Floats:
-    """Return the width (n, 0..`most` metres) of the land on a side (-1, 1) that is nearest to each point of the track.
+def free_ground(course: Course, side: int, most: float = SLOPE_ENDS) -> Floats:
+    """Return the width (n, 0..`most` metres) of the ground on a side (-1, 1) that is nearest to each point of the track.
 
     It is limited by other parts of the road at about the same height, and by the centres of bends.
     """
     track = course.track
-    room, open_land = np.zeros(len(track.points)), np.ones(len(track.points), bool)
+    room, is_free = np.zeros(len(track.points)), np.ones(len(track.points), bool)
     for beyond in np.arange(0.25, most + 0.01, 0.25):
         nearest = track.tree.query(track.beside(side * (track.half_widths + beyond))[:, :2])[1]
         along = np.abs(nearest - np.arange(len(track.points)))
         along = np.minimum(along, len(track.points) - along) * STEP
         level = np.abs(track.points[nearest, 2] - track.points[:, 2]) < CLEARANCE
-        open_land &= ~((along > OWN_LAND) & level)
-        room[open_land] = beyond
+        is_free &= ~((along > OWN_GROUND) & level)
+        room[is_free] = beyond
     return room
 
 

@@ -110,9 +110,9 @@ def _heights(course: Course, near: Nearest, random: np.random.Generator) -> Floa
     heights = near.road + course.look.relief * rolling * _smoothstep(near.beyond, 8, 60)
     uneven = 1 + 0.35 * smooth_noise(random, rows, columns, 14, 2)
     for section in course.roadside:
-        if land := section.land:
-            start = max(land.distance, LEVEL_BESIDE)
-            rise = land.rise * _smoothstep(near.beyond, start, start + land.width)
+        if shape := section.terrain:
+            start = max(shape.distance, LEVEL_BESIDE)
+            rise = shape.rise * _smoothstep(near.beyond, start, start + shape.width)
             heights += near.section_weight(section) * uneven * rise
     # smooths the step halfway between two parts of the road, where the nearest one changes
     soft = cv2.GaussianBlur(heights, (0, 0), 3.0)

@@ -14,7 +14,7 @@ LAYOUT = """
 """
 ENTRY = (56.0, -64.0, -80.0)  # x, y, z of the first piece, metres
 START = 773.5  # metres from the first piece to the start line
-LAND: list[tuple[Roadside, float, float, int, float, float, float]] = [
+TERRAIN: list[tuple[Roadside, float, float, int, float, float, float]] = [
     ("cliff", 0, 82, -1, 15, 8, 8),
     ("drop", 0, 94, 1, -15, 6, 14),
     ("cliff", 82, 106, -1, 15, 18, 8),
@@ -123,7 +123,7 @@ LOOK = Look(
 def course() -> Course:
     """Create the course: hills, hairpin bends, two lanes of which the car uses the right one, cliffs, an overpass."""
     roadside = (
-        *(RoadsideSection(kind, start, end, side, Shape(*shape)) for kind, start, end, side, *shape in LAND),
+        *(RoadsideSection(kind, start, end, side, Shape(*shape)) for kind, start, end, side, *shape in TERRAIN),
         *(RoadsideSection("signs", *section) for section in SIGNS),
         RoadsideSection("bridge", *BRIDGE),
     )

@@ -80,7 +80,7 @@ CORNERS = [
     (165.7, 66.9),
     (175.9, 79.6),
 ]  # x, y in metres: counter-clockwise, the usual direction; the road is level
-LAND: list[tuple[Roadside, float, float, int, float, float, float]] = [
+TERRAIN: list[tuple[Roadside, float, float, int, float, float, float]] = [
     ("hill", 0, 76, -1, 3, 6, 8),
     ("cliff", 0, 24, 1, 10, 22, 8),
     ("cliff", 24, 42, 1, 15, 18, 8),
@@ -154,7 +154,7 @@ def course() -> Course:
     """Create the course: wide bends around a lake, one sharp left bend, one sharp right bend, and a bridge."""
     corners = np.column_stack([np.array(CORNERS), np.zeros(len(CORNERS))])
     roadside = (
-        *(RoadsideSection(kind, start, end, side, Shape(*shape)) for kind, start, end, side, *shape in LAND),
+        *(RoadsideSection(kind, start, end, side, Shape(*shape)) for kind, start, end, side, *shape in TERRAIN),
         RoadsideSection("bridge", *BRIDGE),
         *(RoadsideSection("dirt", *section) for section in DIRT),
     )
