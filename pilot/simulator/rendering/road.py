@@ -146,7 +146,7 @@ class _Strips:
 
 
 def free_ground(course: Course, side: int, most: float = SLOPE_ENDS) -> Floats:
-    """Return the width (n, 0..`most` metres) of the ground on a side (-1, 1) that is nearest to each point of the track.
+    """Return the width (n, 0..`most` metres) of the ground on a side (-1, 1) that is nearest to each track point.
 
     It is limited by other parts of the road at about the same height, and by the centres of bends.
     """
