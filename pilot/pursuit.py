@@ -11,7 +11,7 @@ from pilot.arrays import Floats
 
 LOOKAHEAD, SHORTEST_LOOKAHEAD = 10.0, 6.0  # from the rear axle; the bonnet hides nearer points
 LOOKAHEAD_PER_RADIUS = 0.3  # in tight bends, whose inner edge a longer lookahead cuts
-RETURN, SHORTEST_RETURN = 15.0, 4.0  # distance within which an offset from the path decays to 1/e
+RETURN, SHORTEST_RETURN = 6.0, 4.0  # distance within which an offset from the path decays to 1/e
 RETURN_PER_RADIUS = 0.4  # in tight bends, which leave no room
 
 
