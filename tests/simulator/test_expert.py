@@ -14,7 +14,7 @@ from pilot.vehicle import TICK
 def lap(name: str, *, backwards: bool, wander: float = 0.0, laps: int = 1) -> tuple[Episode, np.ndarray]:
     track = load_course(name).track
     episode = Episode(track.reversed() if backwards else track)
-    expert = Expert(episode, 30.0, wander)
+    expert = Expert(episode, 30.0, wander=wander)
     offsets = []
     while episode.laps < laps:
         state = episode.advance(*expert.command())

@@ -41,7 +41,7 @@ def test_locate_is_the_inverse_of_at(progress: float, offset: float, backwards: 
         assert place.lateral_offset == pytest.approx(offset, abs=0.05)
         around = (place.progress - progress + track.length / 2) % track.length - track.length / 2
         assert around == pytest.approx(0, abs=0.3)
-        assert math.cos(place.heading - heading) > 0.999
+        assert math.cos(place.heading - heading) > 0.998  # in a hairpin, a segment of 0.5 m turns by 0.05 rad
 
 
 def test_the_other_way_round_left_is_right() -> None:
