@@ -28,7 +28,7 @@ class Expert:
     Attributes:
         episode: the car on its track.
         speed: target speed, mph; bends are taken more slowly.
-        line: lateral offset to keep from the middle of the road, metres, positive to the right; None: the lane's middle.
+        line: lateral offset from the road's middle to keep, metres, positive to the right; None: the lane's middle.
         wander: standard deviation of a random deviation from the line, metres; 0: none.
         seed: of the wandering.
     """
