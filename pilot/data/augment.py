@@ -39,6 +39,10 @@ class AugmentConfig:
     """Probability of a shadow on one side of a random line."""
     shadow_range: tuple[float, float] = (0.25, 0.7)
     """Range of the factor for the brightness in the shadow."""
+    saturation: float = 0.0
+    """Probability of changing the saturation of the colours, against dependence on colours that differ elsewhere."""
+    saturation_range: tuple[float, float] = (0.0, 1.5)
+    """Range of the factor for the saturation; 0: grey."""
     crop: float = 0.0
     """Probability of cropping the height at random; the rest is scaled to the rows that the network uses."""
     crop_top: tuple[float, float] = (0.325, 0.475)
@@ -65,7 +69,7 @@ class AugmentConfig:
             probability = getattr(self, name)
             if not 0 <= probability <= 1:
                 raise ValueError(f"--augment.{name} {probability}: must lie in 0..1")
-        for name in ("brightness_range", "shadow_range", "crop_top", "crop_bottom"):
+        for name in ("brightness_range", "shadow_range", "saturation_range", "crop_top", "crop_bottom"):
             low, high = getattr(self, name)
             if not 0 <= low <= high:
                 raise ValueError(
@@ -142,6 +146,11 @@ def shadow(pixels: Frame, top: float, bottom: float, right: bool, factor: float)
     mask = np.zeros((height, width), np.uint8)
     cv2.fillPoly(mask, [outline], 255)
     return np.asarray(cv2.copyTo(brightness(pixels, factor), mask, pixels.copy()), np.uint8)
+
+
+def saturation(pixels: Frame, factor: float) -> Frame:
+    """Scale each pixel's colour differences from its mean of red, green and blue by a factor."""
+    return np.asarray(cv2.transform(pixels, factor * np.eye(3) + (1 - factor) / 3), np.uint8)
 
 
 # The augmentations used by training. A new one needs an entry in GEOMETRIC or PHOTOMETRIC and its fields in
@@ -250,6 +259,14 @@ def _apply_shadow(pixels: Frame, parameters: Floats) -> Frame:
     return pixels if factor == 1 else shadow(pixels, top, bottom, bool(right), factor)
 
 
+def _draw_saturation(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
+    return np.where(rng.random(n) < config.saturation, rng.uniform(*config.saturation_range, n), 1.0)[:, None]
+
+
+def _apply_saturation(pixels: Frame, parameters: Floats) -> Frame:
+    return pixels if parameters[0] == 1 else saturation(pixels, parameters[0])
+
+
 GEOMETRIC: list[Geometric] = [
     Geometric("viewpoint", _draw_viewpoint, _apply_viewpoint, _viewpoint_examples),
     Geometric("rotation", _draw_rotation, lambda view, drawn, _: rotate(view, drawn[:, 0]), _rotation_examples),
@@ -272,6 +289,13 @@ PHOTOMETRIC: list[Photometric] = [
         _draw_shadow,
         _apply_shadow,
         lambda config: {"shadow": np.array([0.35 * COLUMNS, 0.6 * COLUMNS, 1.0, config.shadow_range[0]])},
+    ),
+    Photometric(
+        "saturation",
+        1,
+        _draw_saturation,
+        _apply_saturation,
+        lambda config: {f"saturation x {factor:g}": np.array([factor]) for factor in config.saturation_range},
     ),
 ]
 

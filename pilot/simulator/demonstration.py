@@ -2,6 +2,7 @@
 
 import functools
 import math
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -84,16 +85,22 @@ class DemonstrationStep:
 def demonstrate(episode: Episode, config: DemonstrationConfig) -> Iterator[DemonstrationStep]:
     """Drive a demonstration; yields at each time step to be recorded, before its command is applied."""
     lap_share = config.laps / (config.laps + config.recoveries * RECOVERY_METRES / episode.track.length or 1)
-    line = float(np.random.default_rng(config.seed).uniform(*lines(episode.track, config.line_spread)))
-    expert = Expert(episode, config.speed, line, config.wander, config.seed)
-    for command in _commands(episode, expert, config.rate, lambda: episode.laps >= config.laps):
-        yield DemonstrationStep(command, lap_share * episode.laps / config.laps)
+    random = np.random.default_rng([config.seed, zlib.crc32(episode.track.name.encode())])
+    for lap in range(math.ceil(config.laps)):
+        line, end = float(random.uniform(*lines(episode.track, config.line_spread))), min(lap + 1, config.laps)
+        expert = Expert(episode, config.speed, line, config.wander, config.seed + lap)
+        for command in _commands(episode, expert, config.rate, functools.partial(_driven, episode, end)):
+            yield DemonstrationStep(command, lap_share * episode.laps / config.laps)
     for number in range(config.recoveries):
         expert = _displaced(episode, number, config)
         latest = episode.ticks + round(LONGEST_RECOVERY / TICK)
         over = functools.partial(_recovered, episode, expert, latest)
         for command in _commands(episode, expert, config.rate, over):
             yield DemonstrationStep(command, lap_share + (1 - lap_share) * number / config.recoveries)
+
+
+def _driven(episode: Episode, laps: float) -> bool:
+    return episode.laps >= laps
 
 
 def lines(track: Track, spread: float) -> tuple[float, float]:

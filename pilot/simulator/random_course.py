@@ -14,7 +14,7 @@ from pilot.simulator.tracks import jungle, lake, mountain
 
 LOOKS = (lake.LOOK, jungle.LOOK, mountain.LOOK)
 NARROWEST_LANES = 4.2  # metres, minimum half width of a road with two lanes
-TINT = 0.05  # standard deviation of the factors of a colour's channels
+TINT = 0.1  # standard deviation of the factors of a colour's channels
 BRIDGE_ENDS = 22.0  # metres from a crossing to the ends of the bridge
 RISES: dict[Roadside, tuple[float, float]] = {  # height above the road, metres
     "hill": (3.0, 15.0),
@@ -61,7 +61,7 @@ def _between(one: Any, other: Any, share: float, random: np.random.Generator) ->
         return float((one + (other - one) * share) * random.uniform(0.8, 1.25))
     if isinstance(one, tuple) and isinstance(other, tuple) and len(one) == 3:
         mixed = np.array(one) + (np.array(other) - np.array(one)) * share
-        return _colour(mixed * random.uniform(0.85, 1.15) * random.normal(1, TINT, 3))
+        return _colour(mixed * random.uniform(0.75, 1.3) * random.normal(1, TINT, 3))
     return one if random.uniform() < 1 - share else other
 
 

@@ -76,6 +76,6 @@ _BUILT_IN = TrainingConfig(
     warm_up=200,
     l2=1e-6,
     samples=SampleConfig(side_rule="pursuit"),
-    augment=AugmentConfig(flip=0, viewpoint_lookahead=None),
+    augment=AugmentConfig(flip=0, viewpoint_lookahead=None, saturation=0.5),
 )
 RECIPES: dict[str, TrainingConfig] = {"default": TrainingConfig(), "built-in": _BUILT_IN, **_REPORT_RECIPES}
