@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from pilot.arrays import Floats, Matrix
-from pilot.data.augment import photometric_columns
+from pilot.data.augment_batch import photometric_columns
 from pilot.data.view import from_rows
 from pilot.vehicle import COLUMNS, ROWS
 

@@ -6,7 +6,7 @@ import pytest
 from conftest import circle, picture
 
 from pilot import vehicle
-from pilot.data import augment
+from pilot.data import augment, augment_batch
 from pilot.data.augment import AugmentConfig
 from pilot.data.samples import side_steering
 from pilot.data.view import View, render
@@ -105,6 +105,14 @@ def test_height_crop_stretches_the_rows_left_and_keeps_the_label() -> None:
     assert seen[-1] == pytest.approx((1 - bottom) * 160, abs=2.5)
 
 
+def test_without_saturation_every_colour_is_grey() -> None:
+    frame = picture(0)
+    grey = augment.saturation(frame, 0.0)
+    np.testing.assert_allclose(grey, frame.mean(2, keepdims=True).repeat(3, 2), atol=1)  # OpenCV truncates coefficients
+    np.testing.assert_array_equal(augment.saturation(frame, 1.0), frame)
+    assert np.ptp(augment.saturation(frame, 1.5), axis=2).sum() > np.ptp(frame, axis=2).sum()
+
+
 def test_brightness_scales_the_value_and_stays_in_range() -> None:
     frame = picture(0)
     np.testing.assert_allclose(augment.brightness(frame, 0.5), frame * 0.5, atol=0.51)
@@ -131,8 +139,8 @@ def test_views_are_joined_in_order() -> None:
 
 def drawn_views(config: AugmentConfig, rng: np.random.Generator) -> View:
     """400 views of a steering of 0.5, changed by the geometric augmentations."""
-    drawn = augment.draw_geometric(400, config, rng)
-    return augment.apply_geometric(View(np.full(400, 0.5)), drawn, np.arange(400), config)
+    drawn = augment_batch.draw_geometric(400, config, rng)
+    return augment_batch.apply_geometric(View(np.full(400, 0.5)), drawn, np.arange(400), config)
 
 
 def test_each_augmentation_happens_with_its_probability() -> None:
@@ -144,10 +152,10 @@ def test_each_augmentation_happens_with_its_probability() -> None:
     mirrored = (drawn_views(replace(NOTHING, flip=0.5), rng).steering < 0).sum()
     assert 150 < mirrored < 250
     frame = picture(0)
-    drawn = augment.draw_photometric(9, NOTHING, rng)
+    drawn = augment_batch.draw_photometric(9, NOTHING, rng)
     for number in range(9):
-        np.testing.assert_array_equal(augment.apply_photometric(frame, drawn, number), frame)
-    shaded = (augment.draw_photometric(400, replace(NOTHING, shadow=0.5), rng)[1][:, 3] < 1).sum()
+        np.testing.assert_array_equal(augment_batch.apply_photometric(frame, drawn, number), frame)
+    shaded = (augment_batch.draw_photometric(400, replace(NOTHING, shadow=0.5), rng)[1][:, 3] < 1).sum()
     assert 150 < shaded < 250
 
 
