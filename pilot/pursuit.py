@@ -17,12 +17,12 @@ RETURN_PER_RADIUS = 0.4  # in tight bends, which leave no room
 
 def lookahead(curvature: float | Floats) -> Floats:
     """Return the distance to the point to steer for, in a bend of a curvature."""
-    return np.clip(LOOKAHEAD_PER_RADIUS / _size(curvature), SHORTEST_LOOKAHEAD, LOOKAHEAD)
+    return np.minimum(np.maximum(LOOKAHEAD_PER_RADIUS / _size(curvature), SHORTEST_LOOKAHEAD), LOOKAHEAD)
 
 
 def offset_left(curvature: float | Floats) -> Floats:
     """Return the share (0..1) of an offset from the path that is left at the point to steer for."""
-    within = np.clip(RETURN_PER_RADIUS / _size(curvature), SHORTEST_RETURN, RETURN)
+    within = np.minimum(np.maximum(RETURN_PER_RADIUS / _size(curvature), SHORTEST_RETURN), RETURN)
     return np.asarray(np.exp(-lookahead(curvature) / within))
 
 

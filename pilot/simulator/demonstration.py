@@ -14,7 +14,7 @@ from pilot.simulator.expert import EDGE_CLEARANCE, Expert
 from pilot.simulator.track import Track
 from pilot.vehicle import HALF_TRACK, MPH, TICK, TOP_SPEED_MPH
 
-LONGEST_RECOVERY = 2.5  # s
+LONGEST_RECOVERY = 2.4  # s
 RECOVERY_METRES = 20.0  # approximate length of a recovery, for the progress bar
 RECOVERY_HEADING = math.radians(6.0)  # standard deviation of the heading error at the start
 RECOVERED = (0.15, math.radians(1.0))  # limits of cross-track error (metres) and heading error (radians) at the end
@@ -93,7 +93,7 @@ def demonstrate(episode: Episode, config: DemonstrationConfig) -> Iterator[Demon
             yield DemonstrationStep(command, lap_share * episode.laps / config.laps)
     for number in range(config.recoveries):
         expert = _displaced(episode, number, config)
-        latest = episode.ticks + round(LONGEST_RECOVERY / TICK)
+        latest = episode.ticks + round(math.floor(LONGEST_RECOVERY * config.rate) / config.rate / TICK)  # last row
         over = functools.partial(_recovered, episode, expert, latest)
         for command in _commands(episode, expert, config.rate, over):
             yield DemonstrationStep(command, lap_share + (1 - lap_share) * number / config.recoveries)
@@ -141,7 +141,7 @@ def _displaced(episode: Episode, number: int, config: DemonstrationConfig) -> Ex
 
 
 def _recovered(episode: Episode, expert: Expert, latest: int) -> bool:
-    """Return whether the car is back on the expert's line, or the tick `latest` is reached."""
+    """Return whether the car is back on the expert's line, or the tick `latest` is past."""
     assert expert.line is not None
     error = episode.where.lateral_offset - expert.line
-    return (abs(error) < RECOVERED[0] and abs(episode.state.heading_error) < RECOVERED[1]) or episode.ticks >= latest
+    return (abs(error) < RECOVERED[0] and abs(episode.state.heading_error) < RECOVERED[1]) or episode.ticks > latest

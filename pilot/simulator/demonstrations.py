@@ -24,7 +24,7 @@ from pilot.workers import run_tasks
 # No wandering, so that the steering depends only on what the image shows; recoveries show how to return to the lane.
 NAMED_TRACKS = DemonstrationConfig(laps=4, recoveries=130, rate=0.5, line_spread=0.3)
 # few rows from each of many tracks
-RANDOM_TRACKS = DemonstrationConfig(laps=2, recoveries=14, rate=0.2, line_spread=0.3, vary_cameras=True)
+RANDOM_TRACKS = DemonstrationConfig(laps=1, recoveries=18, rate=0.4, line_spread=0.3, vary_cameras=True)
 DEMONSTRATIONS: dict[str, DemonstrationConfig] = {
     **dict.fromkeys(both_ways(track_names()), NAMED_TRACKS),
     **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_TRACKS for seed in range(1000, 1140)},
