@@ -56,7 +56,7 @@ class AugmentConfig:
     """Largest rotation of the viewpoint in degrees, to either side."""
     viewpoint_lookahead: float | None = 15.0
     """Metres ahead at which the steering has returned to the path (7.2 corresponds to a side correction of 0.2). None:
-    the law of the built-in expert, which returns sooner in tight bends."""
+    the law of the built-in expert."""
 
     def check(self) -> None:
         """Check the values.

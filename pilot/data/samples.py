@@ -33,7 +33,7 @@ class SampleConfig:
     """Use the images of all three cameras, or of the centre camera only."""
     side_rule: Literal["constant", "geometric", "pursuit"] = "constant"
     """Labels of the side cameras' images: a constant correction, report 004's arctan(tan(steering) +- 1/4), or the
-    built-in expert's law, which returns sooner in tight bends."""
+    built-in expert's law."""
     side_correction: float = 0.2
     """For side-rule=constant: added to the steering for the left camera, subtracted for the right one (-1..1)."""
     smooth_seconds: float = 0.0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilot.pursuit import LOOKAHEAD, lookahead, offset_left
+from pilot.pursuit import LOOKAHEAD, OFFSET_LEFT
 from pilot.simulator.episode import Episode
 from pilot.vehicle import GRAVITY, HALF_TRACK, MPH, TICK, curvature_to_steering
 
@@ -61,10 +61,9 @@ class Expert:
 
     def _steer(self) -> float:
         track, car, where = self.episode.track, self.episode.car, self.episode.where
-        tightest = float(np.abs(track.curvature_ahead(where.progress, LOOKAHEAD)).max())
         target = self._line + self._target_offset
-        ahead = target + (where.lateral_offset - target) * float(offset_left(tightest))
-        x, y, _ = track.at(where.progress + float(lookahead(tightest)), ahead)
+        ahead = target + (where.lateral_offset - target) * OFFSET_LEFT
+        x, y, _ = track.at(where.progress + LOOKAHEAD, ahead)
         east, north = x - car.x, y - car.y
         right = east * math.cos(car.heading) - north * math.sin(car.heading)
         wanted = curvature_to_steering(2 * right / (east * east + north * north))

@@ -14,7 +14,7 @@ from pilot.simulator.tracks import jungle, lake, mountain
 
 LOOKS = (lake.LOOK, jungle.LOOK, mountain.LOOK)
 NARROWEST_LANES = 4.2  # metres, minimum half width of a road with two lanes
-TINT = 0.1  # standard deviation of the factors of a colour's channels
+TINT = 0.07  # standard deviation of the factors of a colour's channels
 BRIDGE_ENDS = 22.0  # metres from a crossing to the ends of the bridge
 RISES: dict[Roadside, tuple[float, float]] = {  # height above the road, metres
     "hill": (3.0, 15.0),
