@@ -11,12 +11,13 @@ import numpy as np
 from pilot.data.recording_writer import RECORDING_RATE, is_due
 from pilot.simulator.episode import Episode
 from pilot.simulator.expert import EDGE_CLEARANCE, Expert
-from pilot.simulator.track import Track
+from pilot.simulator.track import STEP, Track
 from pilot.vehicle import HALF_TRACK, MPH, TICK, TOP_SPEED_MPH
 
 LONGEST_RECOVERY = 2.4  # s
 RECOVERY_METRES = 20.0  # approximate length of a recovery, for the progress bar
-RECOVERY_HEADING = math.radians(6.0)  # standard deviation of the heading error at the start
+RECOVERY_HEADING = math.radians(9.0)  # standard deviation of the heading error at the start
+RECOVERY_AHEAD = 5.0  # metres before a bend where recoveries from it start
 RECOVERED = (0.15, math.radians(1.0))  # limits of cross-track error (metres) and heading error (radians) at the end
 
 
@@ -26,7 +27,8 @@ class DemonstrationConfig:
 
     Attributes:
         laps: Laps to record.
-        recoveries: Recoveries to record after the laps, distributed along the track: the car starts with random
+        recoveries: Recoveries to record after the laps, half of them distributed evenly along the track, half in
+            proportion to its curvature, because few metres of a road are tight bends: the car starts with random
             cross-track and heading errors, and its return to the middle of the lane, or to the nearest of the lines
             that `line_spread` allows, is recorded (similar to the
             shifts and rotations of arXiv 1604.07316 and the disturbances of DART, arXiv 1703.09327).
@@ -130,7 +132,7 @@ def _displaced(episode: Episode, number: int, config: DemonstrationConfig) -> Ex
     """
     random = np.random.default_rng([config.seed, number])
     track = episode.track
-    start = track.length * (number + float(random.uniform())) / config.recoveries
+    start = _recovery_start(track, (number + float(random.uniform())) / config.recoveries)
     edge = float(track.half_widths.min()) - HALF_TRACK
     offset, heading = float(random.uniform(-edge, edge)), float(random.normal(0, RECOVERY_HEADING))
     expert = Expert(episode, config.speed, float(np.clip(offset, *lines(track, config.line_spread))))
@@ -138,6 +140,14 @@ def _displaced(episode: Episode, number: int, config: DemonstrationConfig) -> Ex
     fastest = expert.allowed_speed() / MPH
     episode.place(start, offset - track.lane, heading, fastest * float(random.uniform(0.5, 1)))
     return expert
+
+
+def _recovery_start(track: Track, share: float) -> float:
+    """Return where (metres) a share (0..1) of all recoveries has started."""
+    curvatures = np.abs(track.curvatures)
+    density = 1 / len(curvatures) + curvatures / max(float(curvatures.sum()), 1e-9)
+    index = int(np.searchsorted(np.cumsum(density), share * float(density.sum())))
+    return (index * STEP - RECOVERY_AHEAD) % track.length
 
 
 def _recovered(episode: Episode, expert: Expert, latest: int) -> bool:

@@ -22,12 +22,12 @@ from pilot.workers import run_tasks
 # The built-in training data, used if there are no recordings by a person: named tracks in both directions, random
 # tracks alternately in one and the other.
 # No wandering, so that the steering depends only on what the image shows; recoveries show how to return to the lane.
-NAMED_TRACKS = DemonstrationConfig(laps=4, recoveries=130, rate=0.5, line_spread=0.3)
+NAMED_TRACKS = DemonstrationConfig(laps=4, recoveries=150, rate=0.5, line_spread=0.3)
 # few rows from each of many tracks
-RANDOM_TRACKS = DemonstrationConfig(laps=1, recoveries=18, rate=0.4, line_spread=0.3, vary_cameras=True)
+RANDOM_TRACKS = DemonstrationConfig(laps=1, recoveries=20, rate=0.4, line_spread=0.3, vary_cameras=True)
 DEMONSTRATIONS: dict[str, DemonstrationConfig] = {
     **dict.fromkeys(both_ways(track_names()), NAMED_TRACKS),
-    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_TRACKS for seed in range(1000, 1140)},
+    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_TRACKS for seed in range(1000, 1130)},
 }
 
 
