@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.training import endless, prepare, rate_of, synthetic_recording
 from pilot import process_settings
-from pilot.data.augment import apply_photometric
+from pilot.data.augment_batch import apply_photometric
 from pilot.data.cache_file import checksum
 from pilot.data.frame_cache import FrameCache
 from pilot.data.view import render

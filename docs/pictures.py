@@ -2,8 +2,8 @@
 
     python docs/pictures.py model.pt
 
-The cameras' pictures of every track on one sheet; the page, photographed in headless Chromium while
-drive.py drives the lake; and a frame of a clip of that drive.
+The cameras' pictures of every track on one sheet; the two real roads from above; the page, photographed in
+headless Chromium while drive.py drives the lake; and a frame of a clip of that drive.
 """
 
 import contextlib
@@ -18,6 +18,7 @@ from pathlib import Path
 
 import av
 import cv2
+import matplotlib.pyplot as plt
 import numpy as np
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
@@ -27,13 +28,14 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
 from pilot.arrays import Frame
+from pilot.simulator.catalogue import load_course
 from pilot.simulator.simulator import Simulator
 from pilot.vehicle import CAMERAS
 
 PORT = "4588"
 SHEET = {
-    "lake": (0.03, 0.36, 0.535, 0.44),
-    "jungle": (0.02, 0.2, 0.55, 0.84),
+    "lake": (0.03, 0.76, 0.64, 0.3),
+    "jungle": (0.02, 0.25, 0.55, 0.69),
     "mountain": (0.05, 0.3, 0.55, 0.9),
     "random:3": (0.1, 0.5),
     "random:12": (0.1, 0.5),
@@ -52,6 +54,24 @@ def draw_sheet(target: Path) -> None:
             rows.append(first + [frame["center"] for frame in frames[1:]])
     named = [np.hstack(row) for row in (*rows[:3], rows[3][:3] + rows[4][:3])]
     cv2.imwrite(str(target), np.vstack(named)[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
+
+
+def draw_real_roads(target: Path) -> None:
+    """The lines of lake and jungle from above, with their heights."""
+    figure, axes = plt.subplots(1, 2, figsize=(13, 6))
+    for ax, name in zip(axes, ("lake", "jungle"), strict=True):
+        course = load_course(name)
+        track, bridge = course.track, course.track.points[course.on_bridge()]
+        points = track.points[np.argsort(track.points[:, 2], kind="stable")]
+        heights = ax.scatter(points[:, 0], points[:, 1], c=points[:, 2], s=14)
+        ax.plot(*track.points[0, :2], "r^" if name == "lake" else "r>", markersize=11, label="start")
+        ax.plot(bridge[:, 0], bridge[:, 1], "r.", markersize=2, label="bridge")
+        ax.set(title=f"{name}: {track.length:.0f} m", xlabel="x, m", ylabel="y, m", aspect="equal")
+        ax.legend(loc="upper left")
+        if name == "jungle":
+            figure.colorbar(heights, ax=ax, label="height, m")
+    figure.tight_layout()
+    figure.savefig(target, dpi=80)
 
 
 def _seen(simulator: Simulator, place: float) -> dict[str, Frame]:
@@ -102,6 +122,7 @@ def draw_clip_frame(run: Path, model: Path, target: Path) -> None:
 def main(model: Path) -> None:
     """Draw them all."""
     draw_sheet(ROOT / "docs" / "tracks.jpg")
+    draw_real_roads(ROOT / "docs" / "real_roads.png")
     with tempfile.TemporaryDirectory() as name:
         run = Path(name) / "run1"
         with driving(model, run):

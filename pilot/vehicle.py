@@ -15,6 +15,7 @@ Number = TypeVar("Number", float, NDArray[np.float64])
 # Clock and units
 TICK = 0.02  # s; the simulator's physics runs at 50 Hz
 MPH = 0.44704  # m/s in 1 mph
+GRAVITY = 9.81  # m/s²
 
 # The car
 WHEELBASE = 2.87

@@ -62,7 +62,7 @@ import numpy as np
 import torch
 
 from pilot.commands import train
-from pilot.data.augment import apply_photometric, draw_photometric
+from pilot.data.augment_batch import apply_photometric, draw_photometric
 from pilot.data.device_augment import DrawnAugmentations, augment
 from pilot.model.checkpoint import load_model
 from pilot.simulator.catalogue import track_names

@@ -36,7 +36,7 @@ class EvaluationConfig:
     tracks: tuple[str, ...] = ()
     """lake, jungle, mountain, random:SEED, or a range such as random:0-49; "lake reversed": in the other direction.
     Default without --recordings: the three named tracks in both directions, and random:0-4."""
-    lights: tuple[Literal["noon", "evening", "overcast"], ...] = ()
+    lights: tuple[Literal["noon", "clear", "evening", "overcast"], ...] = ()
     """Lights in which each track is driven. Default: the track's own."""
     seeds: tuple[int, ...] = ()
     """Seeds of random start positions, one episode each. Default: the start line."""

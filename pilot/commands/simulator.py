@@ -29,7 +29,7 @@ class RoadConfig:
     """lake, jungle, mountain, or random:SEED with any whole number."""
     reverse: bool = False
     """Drive in the other direction."""
-    light: Literal["noon", "evening", "overcast"] | None = None
+    light: Literal["noon", "clear", "evening", "overcast"] | None = None
     """Light. Default: the track's own."""
 
     @property

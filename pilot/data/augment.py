@@ -7,16 +7,16 @@ augmentations change the colours of pixels and leave the label unchanged.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from pilot import camera
 from pilot.arrays import Floats, Frame
 from pilot.data.view import CROP_BOTTOM, CROP_TOP, MIRROR, View
+from pilot.pursuit import returning_curvature
 from pilot.vehicle import COLUMNS, ROWS, curvature_to_steering, steering_to_curvature
 
 
@@ -38,6 +38,10 @@ class AugmentConfig:
     """Probability of a shadow on one side of a random line."""
     shadow_range: tuple[float, float] = (0.25, 0.7)
     """Range of the factor for the brightness in the shadow."""
+    saturation: float = 0.0
+    """Probability of changing the saturation of the colours, against dependence on colours that differ elsewhere."""
+    saturation_range: tuple[float, float] = (0.0, 1.5)
+    """Range of the factor for the saturation; 0: grey."""
     crop: float = 0.0
     """Probability of cropping the height at random; the rest is scaled to the rows that the network uses."""
     crop_top: tuple[float, float] = (0.325, 0.475)
@@ -50,8 +54,9 @@ class AugmentConfig:
     """Largest shift of the viewpoint in metres, to either side."""
     viewpoint_degrees: float = 5.0
     """Largest rotation of the viewpoint in degrees, to either side."""
-    viewpoint_lookahead: float = 15.0
-    """Metres ahead at which the steering has returned to the path (7.2 corresponds to a side correction of 0.2)."""
+    viewpoint_lookahead: float | None = 15.0
+    """Metres ahead at which the steering has returned to the path (7.2 corresponds to a side correction of 0.2). None:
+    the law of the built-in expert."""
 
     def check(self) -> None:
         """Check the values.
@@ -63,7 +68,7 @@ class AugmentConfig:
             probability = getattr(self, name)
             if not 0 <= probability <= 1:
                 raise ValueError(f"--augment.{name} {probability}: must lie in 0..1")
-        for name in ("brightness_range", "shadow_range", "crop_top", "crop_bottom"):
+        for name in ("brightness_range", "shadow_range", "saturation_range", "crop_top", "crop_bottom"):
             low, high = getattr(self, name)
             if not 0 <= low <= high:
                 raise ValueError(
@@ -74,7 +79,7 @@ class AugmentConfig:
                 f"--augment.crop-top {self.crop_top[1]} and --augment.crop-bottom {self.crop_bottom[1]}: "
                 "together must leave a part of the frame"
             )
-        if self.viewpoint_lookahead <= 0:
+        if self.viewpoint_lookahead is not None and self.viewpoint_lookahead <= 0:
             raise ValueError(f"--augment.viewpoint-lookahead {self.viewpoint_lookahead}: must be greater than 0")
 
 
@@ -104,7 +109,7 @@ def crop_height(view: View, top: float | Floats, bottom: float | Floats) -> View
     return view.transformed(camera.matrices(1, 0, 0, 0, scale, CROP_TOP - first * scale, 0, 0, 1), view.steering)
 
 
-def shift_viewpoint(view: View, offset: float | Floats, heading: float | Floats, lookahead: float) -> View:
+def shift_viewpoint(view: View, offset: float | Floats, heading: float | Floats, lookahead: float | None) -> View:
     """Show the road from a car displaced from the driver's path, with the steering that returns to it.
 
     Based on NVIDIA's shift and rotation (arXiv 1604.07316, section 5). There the label returns to the path within two
@@ -114,10 +119,13 @@ def shift_viewpoint(view: View, offset: float | Floats, heading: float | Floats,
         view: the view from the driver's path.
         offset: distance of the car from the path in metres, positive to the right.
         heading: angle between the car and the path's direction in radians, positive to the right.
-        lookahead: distance in metres along the driver's arc after which the path is reached.
+        lookahead: distance in metres along the driver's arc after which the path is reached; None: the expert's law.
     """
     curvature = steering_to_curvature(np.asarray(view.steering))
-    back = curvature - 2 * (offset + lookahead * heading) / lookahead**2
+    if lookahead is None:
+        back = returning_curvature(curvature, offset, heading)
+    else:
+        back = np.asarray(curvature - 2 * (offset + lookahead * heading) / lookahead**2)
     return view.transformed(camera.viewpoint_homography(offset, heading), curvature_to_steering(back))
 
 
@@ -137,6 +145,11 @@ def shadow(pixels: Frame, top: float, bottom: float, right: bool, factor: float)
     mask = np.zeros((height, width), np.uint8)
     cv2.fillPoly(mask, [outline], 255)
     return np.asarray(cv2.copyTo(brightness(pixels, factor), mask, pixels.copy()), np.uint8)
+
+
+def saturation(pixels: Frame, factor: float) -> Frame:
+    """Scale each pixel's colour differences from its mean of red, green and blue by a factor."""
+    return np.asarray(cv2.transform(pixels, factor * np.eye(3) + (1 - factor) / 3), np.uint8)
 
 
 # The augmentations used by training. A new one needs an entry in GEOMETRIC or PHOTOMETRIC and its fields in
@@ -245,6 +258,14 @@ def _apply_shadow(pixels: Frame, parameters: Floats) -> Frame:
     return pixels if factor == 1 else shadow(pixels, top, bottom, bool(right), factor)
 
 
+def _draw_saturation(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
+    return np.where(rng.random(n) < config.saturation, rng.uniform(*config.saturation_range, n), 1.0)[:, None]
+
+
+def _apply_saturation(pixels: Frame, parameters: Floats) -> Frame:
+    return pixels if parameters[0] == 1 else saturation(pixels, parameters[0])
+
+
 GEOMETRIC: list[Geometric] = [
     Geometric("viewpoint", _draw_viewpoint, _apply_viewpoint, _viewpoint_examples),
     Geometric("rotation", _draw_rotation, lambda view, drawn, _: rotate(view, drawn[:, 0]), _rotation_examples),
@@ -268,82 +289,11 @@ PHOTOMETRIC: list[Photometric] = [
         _apply_shadow,
         lambda config: {"shadow": np.array([0.35 * COLUMNS, 0.6 * COLUMNS, 1.0, config.shadow_range[0]])},
     ),
+    Photometric(
+        "saturation",
+        1,
+        _draw_saturation,
+        _apply_saturation,
+        lambda config: {f"saturation x {factor:g}": np.array([factor]) for factor in config.saturation_range},
+    ),
 ]
-
-
-# All augmentations together. Drawing for n frames at once takes hardly longer than drawing for one
-
-
-@dataclass(frozen=True)
-class DrawnGeometric:
-    """A geometric augmentation as drawn for n views.
-
-    Attributes:
-        augmentation: the augmentation.
-        chosen: n booleans: the views that it changes.
-        parameters: n x its number of parameters.
-    """
-
-    augmentation: Geometric
-    chosen: NDArray[np.bool_]
-    parameters: Floats
-
-
-def draw_geometric(n: int, config: AugmentConfig, rng: np.random.Generator) -> list[DrawnGeometric]:
-    """Draw the parameters of the geometric augmentations for n views; without those that change none of the views."""
-    drawn = []
-    for augmentation in GEOMETRIC:
-        parameters = augmentation.draw(n, config, rng)
-        chosen = rng.random(n) < getattr(config, augmentation.name)
-        drawn += [DrawnGeometric(augmentation, chosen, parameters)] if chosen.any() else []
-    return drawn
-
-
-def apply_geometric(
-    views: View, drawn: Sequence[DrawnGeometric], index: NDArray[np.int64], config: AugmentConfig
-) -> View:
-    """Change views, whose numbers among the n of `draw_geometric` are `index`, by what was drawn for them."""
-    for draw in drawn:
-        changed = draw.augmentation.apply(views, draw.parameters[index], config)
-        views = changed.where(draw.chosen[index], views)
-    return views
-
-
-def draw_photometric(n: int, config: AugmentConfig, rng: np.random.Generator) -> list[Floats]:
-    """Draw the parameters of each photometric augmentation for n frames: n x its size."""
-    return [augmentation.draw(n, config, rng) for augmentation in PHOTOMETRIC]
-
-
-def photometric_columns() -> Iterator[tuple[Photometric, slice]]:
-    """Yield each photometric augmentation with its columns if the parameters of all are joined."""
-    start = 0
-    for augmentation in PHOTOMETRIC:
-        yield augmentation, slice(start, start + augmentation.size)
-        start += augmentation.size
-
-
-def apply_photometric(pixels: Frame, drawn: Sequence[Floats], number: int) -> Frame:
-    """Change the pixels of a frame, whose number among the n of `draw_photometric` is given, by what was drawn."""
-    for augmentation, parameters in zip(PHOTOMETRIC, drawn, strict=False):  # nothing may be drawn
-        pixels = augmentation.apply(pixels, parameters[number])
-    return pixels
-
-
-def rows_needed(rows: tuple[int, int], config: AugmentConfig | None, rotation: float) -> tuple[int, int]:
-    """Return the range of the recorded frame's rows that views of `rows` may show.
-
-    Args:
-        rows: first row that the network uses, and the one after the last.
-        config: configuration of the random augmentations; None: no random augmentations.
-        rotation: largest rotation of copies that are drawn once (column `rotation` of the samples), in degrees.
-    """
-    views = [View(0.0)]
-    if rotation:
-        views += [rotate(view, sign * rotation) for view in views for sign in (-1, 1)]
-    for augmentation in GEOMETRIC:
-        if config and getattr(config, augmentation.name):
-            views += [changed for view in views for changed in augmentation.examples(view, config).values()]
-    corners = np.array([[x, y, 1] for x in (0, COLUMNS - 1) for y in (rows[0], rows[1] - 1)]).T
-    sources = [np.linalg.inv(view.homography) @ corners for view in views]
-    heights = np.concatenate([source[1] / source[2] for source in sources])
-    return max(math.floor(heights.min()) - 1, 0), min(math.ceil(heights.max()) + 2, ROWS)

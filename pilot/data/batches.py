@@ -18,15 +18,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from pilot.arrays import Floats, Frame
-from pilot.data.augment import (
-    AugmentConfig,
+from pilot.data.augment import AugmentConfig, flip, rotate
+from pilot.data.augment_batch import (
     DrawnGeometric,
     apply_geometric,
     apply_photometric,
     draw_geometric,
     draw_photometric,
-    flip,
-    rotate,
 )
 from pilot.data.device_augment import DrawnAugmentations
 from pilot.data.frame_cache import FrameCache

@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from pilot.arrays import Floats, Matrix
-from pilot.data.augment import photometric_columns
+from pilot.data.augment_batch import photometric_columns
 from pilot.data.view import from_rows
 from pilot.vehicle import COLUMNS, ROWS
 
@@ -106,5 +106,14 @@ def _shadow(pixels: Tensor, parameters: Tensor) -> Tensor:
     return (pixels * torch.where(in_shadow, factor, 1.0)[:, None]).round()
 
 
+def _saturation(pixels: Tensor, parameters: Tensor) -> Tensor:
+    grey = pixels.mean(1, keepdim=True)
+    return (grey + (pixels - grey) * parameters).round().clamp(0, 255)
+
+
 # By name of the photometric augmentation. Pixels are n x 3 x rows x columns, 0..255; parameters n x size x 1 x 1
-ON_DEVICE: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"brightness": _brightness, "shadow": _shadow}
+ON_DEVICE: dict[str, Callable[[Tensor, Tensor], Tensor]] = {
+    "brightness": _brightness,
+    "shadow": _shadow,
+    "saturation": _saturation,
+}

@@ -8,7 +8,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 from pilot.arrays import Frame
-from pilot.data.frames import encode_frame
+from pilot.data.frames import QUALITY, encode_frame
 from pilot.data.log_format import LOG_NAME, format_line, time_stamp
 from pilot.files import unwritable
 from pilot.vehicle import CAMERAS, TICK
@@ -43,7 +43,15 @@ class RecordingWriter:
         except OSError as error:
             raise unwritable(folder, error) from error
 
-    def write(self, frames: dict[str, Frame], seconds: float, command: tuple[float, float], speed: float) -> None:
+    def write(
+        self,
+        frames: dict[str, Frame],
+        seconds: float,
+        command: tuple[float, float],
+        speed: float,
+        *,
+        quality: int = QUALITY,
+    ) -> None:
         """Write the row of one time step.
 
         Args:
@@ -51,6 +59,7 @@ class RecordingWriter:
             seconds: time since the recording was opened; determines the time in the images' names.
             command: steering and throttle, -1..1 each; a negative throttle is written as brake.
             speed: mph.
+            quality: of the JPEG images.
 
         Raises:
             OSError: the row cannot be written, as on a full disk; the rows before it remain, and nothing of this one.
@@ -62,7 +71,7 @@ class RecordingWriter:
         end = os.fstat(self._log.fileno()).st_size
         try:
             for camera, image in zip(CAMERAS, images, strict=True):
-                image.write_bytes(encode_frame(frames[camera]))
+                image.write_bytes(encode_frame(frames[camera], quality))
             self._append(format_line(listed, *command, speed).encode())
         except OSError as error:
             self._take_back(images, end)

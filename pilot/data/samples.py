@@ -14,7 +14,8 @@ import pandas as pd
 from pilot.arrays import Floats
 from pilot.data.driving_log import share_of_each
 from pilot.data.segments import segment_numbers
-from pilot.vehicle import CAMERAS
+from pilot.pursuit import returning_curvature
+from pilot.vehicle import CAMERA_OFFSETS, CAMERAS, curvature_to_steering, steering_to_curvature
 
 Generator = np.random.Generator
 
@@ -30,8 +31,9 @@ class SampleConfig:
 
     cameras: Literal["all", "center"] = "all"
     """Use the images of all three cameras, or of the centre camera only."""
-    side_rule: Literal["constant", "geometric"] = "constant"
-    """Labels of the side cameras' images: a constant correction, or report 004's arctan(tan(steering) +- 1/4)."""
+    side_rule: Literal["constant", "geometric", "pursuit"] = "constant"
+    """Labels of the side cameras' images: a constant correction, report 004's arctan(tan(steering) +- 1/4), or the
+    built-in expert's law."""
     side_correction: float = 0.2
     """For side-rule=constant: added to the steering for the left camera, subtracted for the right one (-1..1)."""
     smooth_seconds: float = 0.0
@@ -184,6 +186,9 @@ def side_steering(steering: float | Floats, camera: str, config: SampleConfig) -
     sign = {"center": 0.0, "left": 1.0, "right": -1.0}[camera]
     if config.side_rule == "geometric":
         return np.asarray(np.arctan(np.tan(steering) + sign / 4))
+    if config.side_rule == "pursuit":
+        curvature = steering_to_curvature(np.asarray(steering, float))
+        return curvature_to_steering(returning_curvature(curvature, CAMERA_OFFSETS[camera], 0.0))
     return steering + sign * config.side_correction
 
 

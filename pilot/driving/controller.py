@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from pilot.vehicle import REVERSE_BELOW_MPH, TOP_SPEED_MPH
+from pilot.vehicle import GRAVITY, MPH, REVERSE_BELOW_MPH, TOP_SPEED_MPH, steering_to_curvature
 
 MIN_BRAKING_SPEED = 6.0  # mph; above REVERSE_BELOW_MPH because the telemetry is delayed
 LONGEST_STEP = 0.5  # s; longer pauses are integrated over this time only
@@ -17,6 +17,9 @@ class ControllerConfig:
     """Target speed in mph; the car's top speed is 30."""
     slow_in_curves: float = 0.0
     """Relative reduction (0..1) of the target speed at full lock, proportional to the steering; never below 5 mph."""
+    lateral_g: float = 0.45
+    """Maximum lateral acceleration in g: in bends the target speed is reduced to what keeps it, but never below 5 mph.
+    0: no limit. The tyres hold about 0.95 g."""
     smoothing: float = 0.1
     """Time constant of the steering filter in s; 0: off. 0.1 halves the steering jerk without loss of accuracy."""
     kp: float = 0.15
@@ -34,9 +37,10 @@ class ControllerConfig:
             raise ValueError(f"--speed {self.speed:g}: must lie in 0..{TOP_SPEED_MPH:g} mph")
         if not 0 <= self.slow_in_curves <= 1:
             raise ValueError(f"--slow-in-curves {self.slow_in_curves:g}: must lie in 0..1")
-        for name in ("smoothing", "kp", "ki"):
+        for name in ("lateral_g", "smoothing", "kp", "ki"):
             if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"--{name} {getattr(self, name):g}: must be a number, and not negative")
+                option = name.replace("_", "-")
+                raise ValueError(f"--{option} {getattr(self, name):g}: must be a number, and not negative")
 
 
 class SpeedController:
@@ -59,7 +63,15 @@ class SpeedController:
     def target_speed(self, steering: float) -> float:
         """Return the target speed in mph for a steering (-1..1): `set_speed`, reduced as configured."""
         slower = self.config.slow_in_curves * min(abs(steering), 1.0)
-        return max(self.set_speed * (1 - slower), min(self.set_speed, REVERSE_BELOW_MPH))
+        fastest = min(self.set_speed * (1 - slower), self._fastest_in_bend(steering))
+        return max(fastest, min(self.set_speed, REVERSE_BELOW_MPH))
+
+    def _fastest_in_bend(self, steering: float) -> float:
+        """Return the speed in mph at which a steering gives the maximum lateral acceleration; infinite without one."""
+        curvature = abs(steering_to_curvature(min(max(steering, -1.0), 1.0)))
+        if self.config.lateral_g == 0 or curvature == 0:
+            return math.inf
+        return math.sqrt(self.config.lateral_g * GRAVITY / curvature) / MPH
 
     def throttle(self, speed: float, steering: float, seconds: float) -> float:
         """Return the throttle (-1..1).

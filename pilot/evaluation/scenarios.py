@@ -58,7 +58,7 @@ class TrackScenario:
 
     Attributes:
         track: name of the track, such as lake or random:7 reversed.
-        light: noon, evening or overcast; None: the track's default.
+        light: noon, clear, evening or overcast; None: the track's default.
         starts: seeds of the start positions, one episode each; None: the start line.
         conditions: driving conditions.
         socket: whether drive.py drives through its socket.

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 
 from pilot.vehicle import (
+    GRAVITY,
     HALF_TRACK,
     MPH,
     REVERSE_BELOW_MPH,
@@ -24,7 +25,6 @@ FULL_DRIVE = 2000 / WHEEL_RADIUS / MASS  # m/s²: a total torque of 2000 N·m
 FULL_REVERSE = 500 / WHEEL_RADIUS / MASS  # m/s²: 500 N·m
 ENGINE_RAMP = 1.0  # s from zero to full torque
 DRAG = 0.1  # 1/s, relative loss of speed
-GRAVITY = 9.81  # m/s²
 GRIP = {True: 0.95, False: 0.5}  # friction coefficient of the tyres, on and off the road
 OFF_ROAD_DRAG = 0.6  # 1/s, added to DRAG
 REVERSE_BELOW = REVERSE_BELOW_MPH * MPH

@@ -2,6 +2,7 @@
 
 import functools
 import math
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -9,12 +10,14 @@ import numpy as np
 
 from pilot.data.recording_writer import RECORDING_RATE, is_due
 from pilot.simulator.episode import Episode
-from pilot.simulator.expert import Expert
+from pilot.simulator.expert import EDGE_CLEARANCE, Expert
+from pilot.simulator.track import STEP, Track
 from pilot.vehicle import HALF_TRACK, MPH, TICK, TOP_SPEED_MPH
 
-LONGEST_RECOVERY = 2.5  # s
+LONGEST_RECOVERY = 2.4  # s
 RECOVERY_METRES = 20.0  # approximate length of a recovery, for the progress bar
-RECOVERY_HEADING = math.radians(6.0)  # standard deviation of the heading error at the start
+RECOVERY_HEADING = math.radians(9.0)  # standard deviation of the heading error at the start
+RECOVERY_AHEAD = 5.0  # metres before a bend where recoveries from it start
 RECOVERED = (0.15, math.radians(1.0))  # limits of cross-track error (metres) and heading error (radians) at the end
 
 
@@ -24,12 +27,19 @@ class DemonstrationConfig:
 
     Attributes:
         laps: Laps to record.
-        recoveries: Recoveries to record after the laps, distributed along the track: the car starts with random
-            cross-track and heading errors, and its return to the middle of the lane is recorded (similar to the
+        recoveries: Recoveries to record after the laps, half of them distributed evenly along the track, half in
+            proportion to its curvature, because few metres of a road are tight bends: the car starts with random
+            cross-track and heading errors, and its return to the middle of the lane, or to the nearest of the lines
+            that `line_spread` allows, is recorded (similar to the
             shifts and rotations of arXiv 1604.07316 and the disturbances of DART, arXiv 1703.09327).
         rate: Rows per second.
         speed: Target speed in mph; bends are taken more slowly.
-        wander: Standard deviation in metres of a random offset from the middle of the lane; imitates a person.
+        line_spread: Share (0..1) of the free road beside the lane that is used too: each lap follows a line of its own,
+            and each recovery leads to the nearest of these lines. On a road with two lanes, they reach across its
+            middle. People, too, keep to the line that they are on, and correct it only towards the road's edges.
+        wander: Standard deviation in metres of a random deviation from the line; imitates a person.
+        vary_cameras: Vary the cameras' height and pitch, the exposure, the tint and the JPEG quality at random in each
+            row, so that a network does not depend on them.
         seed: Seed of the random generators.
     """
 
@@ -37,7 +47,9 @@ class DemonstrationConfig:
     recoveries: int = 0
     rate: float = RECORDING_RATE
     speed: float = 30.0
+    line_spread: float = 0.0
     wander: float = 0.0
+    vary_cameras: bool = False
     seed: int = 0
 
     def check(self) -> None:
@@ -51,6 +63,7 @@ class DemonstrationConfig:
             ("recoveries", 0, 10000),
             ("rate", 0.1, 1 / TICK),
             ("speed", 1, TOP_SPEED_MPH),
+            ("line_spread", 0, 1),
             ("wander", 0, 3),
             ("seed", 0, 1e9),
         ):
@@ -74,15 +87,31 @@ class DemonstrationStep:
 def demonstrate(episode: Episode, config: DemonstrationConfig) -> Iterator[DemonstrationStep]:
     """Drive a demonstration; yields at each time step to be recorded, before its command is applied."""
     lap_share = config.laps / (config.laps + config.recoveries * RECOVERY_METRES / episode.track.length or 1)
-    expert = Expert(episode, config.speed, config.wander, config.seed)
-    for command in _commands(episode, expert, config.rate, lambda: episode.laps >= config.laps):
-        yield DemonstrationStep(command, lap_share * episode.laps / config.laps)
+    random = np.random.default_rng([config.seed, zlib.crc32(episode.track.name.encode())])
+    for lap in range(math.ceil(config.laps)):
+        line, end = float(random.uniform(*lines(episode.track, config.line_spread))), min(lap + 1, config.laps)
+        expert = Expert(episode, config.speed, line, config.wander, config.seed + lap)
+        for command in _commands(episode, expert, config.rate, functools.partial(_driven, episode, end)):
+            yield DemonstrationStep(command, lap_share * episode.laps / config.laps)
     for number in range(config.recoveries):
-        _displace(episode, number, config)
-        latest = episode.ticks + round(LONGEST_RECOVERY / TICK)
-        over = functools.partial(_recovered, episode, latest)
-        for command in _commands(episode, Expert(episode, config.speed), config.rate, over):
+        expert = _displaced(episode, number, config)
+        latest = episode.ticks + round(math.floor(LONGEST_RECOVERY * config.rate) / config.rate / TICK)  # last row
+        over = functools.partial(_recovered, episode, expert, latest)
+        for command in _commands(episode, expert, config.rate, over):
             yield DemonstrationStep(command, lap_share + (1 - lap_share) * number / config.recoveries)
+
+
+def _driven(episode: Episode, laps: float) -> bool:
+    return episode.laps >= laps
+
+
+def lines(track: Track, spread: float) -> tuple[float, float]:
+    """Return the leftmost and the rightmost line of a demonstration, metres to the right of the road's middle."""
+    if not spread:
+        return track.lane, track.lane
+    room = max(float(track.half_widths.min()) - HALF_TRACK - EDGE_CLEARANCE, abs(track.lane))
+    left, right = min(track.lane, 0.0), max(track.lane, 0.0)
+    return left - spread * (room + left), right + spread * (room - right)
 
 
 def _commands(episode: Episode, expert: Expert, rate: float, over: Callable[[], bool]) -> Iterator[tuple[float, float]]:
@@ -95,19 +124,34 @@ def _commands(episode: Episode, expert: Expert, rate: float, over: Callable[[], 
         episode.advance(*command)
 
 
-def _displace(episode: Episode, number: int, config: DemonstrationConfig) -> None:
-    """Start a recovery: random lateral offset on the road, heading error, and 50 to 100 % of the allowed speed."""
+def _displaced(episode: Episode, number: int, config: DemonstrationConfig) -> Expert:
+    """Start a recovery: random lateral offset on the road, heading error, and 50 to 100 % of the allowed speed.
+
+    Returns:
+        The expert that returns to the nearest line.
+    """
     random = np.random.default_rng([config.seed, number])
-    start = episode.track.length * (number + float(random.uniform())) / config.recoveries
-    edge = float(episode.track.half_widths.min()) - HALF_TRACK
-    offset, heading = float(random.uniform(-edge, edge)) - episode.track.lane, float(random.normal(0, RECOVERY_HEADING))
-    episode.place(start, offset, heading)
-    fastest = Expert(episode, config.speed).allowed_speed() / MPH
-    episode.place(start, offset, heading, fastest * float(random.uniform(0.5, 1)))
+    track = episode.track
+    start = _recovery_start(track, (number + float(random.uniform())) / config.recoveries)
+    edge = float(track.half_widths.min()) - HALF_TRACK
+    offset, heading = float(random.uniform(-edge, edge)), float(random.normal(0, RECOVERY_HEADING))
+    expert = Expert(episode, config.speed, float(np.clip(offset, *lines(track, config.line_spread))))
+    episode.place(start, offset - track.lane, heading)
+    fastest = expert.allowed_speed() / MPH
+    episode.place(start, offset - track.lane, heading, fastest * float(random.uniform(0.5, 1)))
+    return expert
 
 
-def _recovered(episode: Episode, latest: int) -> bool:
-    """Return whether the car is back in the middle of its lane, or the tick `latest` is reached."""
-    state = episode.state
-    back = abs(state.cross_track_error) < RECOVERED[0] and abs(state.heading_error) < RECOVERED[1]
-    return back or episode.ticks >= latest
+def _recovery_start(track: Track, share: float) -> float:
+    """Return where (metres) a share (0..1) of all recoveries has started."""
+    curvatures = np.abs(track.curvatures)
+    density = 1 / len(curvatures) + curvatures / max(float(curvatures.sum()), 1e-9)
+    index = int(np.searchsorted(np.cumsum(density), share * float(density.sum())))
+    return (index * STEP - RECOVERY_AHEAD) % track.length
+
+
+def _recovered(episode: Episode, expert: Expert, latest: int) -> bool:
+    """Return whether the car is back on the expert's line, or the tick `latest` is past."""
+    assert expert.line is not None
+    error = episode.where.lateral_offset - expert.line
+    return (abs(error) < RECOVERED[0] and abs(episode.state.heading_error) < RECOVERED[1]) or episode.ticks > latest

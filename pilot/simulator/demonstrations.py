@@ -5,10 +5,13 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from pilot import process_settings
 from pilot.data.log_format import LOG_NAME
 from pilot.data.recording_writer import RecordingWriter
 from pilot.files import unwritable
+from pilot.simulator.camera_variation import STANDARD, draw_variation
 from pilot.simulator.catalogue import both_ways, file_name, track_names
 from pilot.simulator.demonstration import DemonstrationConfig, demonstrate
 from pilot.simulator.simulator import Simulator
@@ -19,11 +22,12 @@ from pilot.workers import run_tasks
 # The built-in training data, used if there are no recordings by a person: named tracks in both directions, random
 # tracks alternately in one and the other.
 # No wandering, so that the steering depends only on what the image shows; recoveries show how to return to the lane.
-NAMED_TRACKS = DemonstrationConfig(laps=1, recoveries=40, rate=2.0)
-RANDOM_TRACKS = DemonstrationConfig(laps=1, recoveries=14, rate=0.4)  # few rows from each of many tracks
+NAMED_TRACKS = DemonstrationConfig(laps=4, recoveries=150, rate=0.5, line_spread=0.3)
+# few rows from each of many tracks
+RANDOM_TRACKS = DemonstrationConfig(laps=1, recoveries=20, rate=0.4, line_spread=0.3, vary_cameras=True)
 DEMONSTRATIONS: dict[str, DemonstrationConfig] = {
     **dict.fromkeys(both_ways(track_names()), NAMED_TRACKS),
-    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_TRACKS for seed in range(1000, 1150)},
+    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_TRACKS for seed in range(1000, 1130)},
 }
 
 
@@ -42,7 +46,7 @@ def record(
         track: lake, jungle, mountain or random:SEED; with the suffix " reversed" in the opposite direction.
         config: what to demonstrate.
         folder: folder of the recording; rows are appended to an existing one.
-        light: noon, evening or overcast; None: the course's default.
+        light: noon, clear, evening or overcast; None: the course's default.
         listed_as: folder for the paths in the log, if the recording will be moved there; None: `folder`.
         on_progress: called with the completed share (0..1) after each row.
 
@@ -58,8 +62,11 @@ def record(
         simulator.reset(track, light=light)
         with RecordingWriter(folder, listed_as) as writer:
             episode = simulator.episode
+            random = np.random.default_rng([config.seed, 0xCA3E2A])
             for step in demonstrate(episode, config):
-                writer.write(simulator.look(), episode.state.time, step.command, episode.state.speed)
+                variation = draw_variation(random) if config.vary_cameras else STANDARD
+                frames, state = simulator.look(variation), episode.state
+                writer.write(frames, state.time, step.command, state.speed, quality=variation.quality)
                 on_progress(step.done)
             return writer.rows
 

@@ -1,4 +1,4 @@
-"""The expert: follows the middle of the lane, and slows down for bends.
+"""The expert: follows the middle of the lane or another line along the road, and slows down for bends.
 
 Pure pursuit: R. C. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm (1992), CMU-RI-TR-92-01.
 The point it steers for is always visible to the cameras, so that a network can learn the steering from images.
@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilot.simulator.car import GRAVITY
+from pilot.pursuit import LOOKAHEAD, OFFSET_LEFT
 from pilot.simulator.episode import Episode
-from pilot.vehicle import MPH, TICK, curvature_to_steering
+from pilot.vehicle import GRAVITY, HALF_TRACK, MPH, TICK, curvature_to_steering
 
-LOOKAHEAD = 10.0  # metres from the rear axle; equals `viewpoint_lookahead` of the built-in recipe
 MAX_LATERAL_ACCELERATION = 0.45 * GRAVITY  # m/s², maximum lateral acceleration in bends
 DECELERATION = 3.5  # m/s², assumed deceleration
 REACTION = 0.15  # s, time constant of the steering if it wanders
@@ -29,16 +28,19 @@ class Expert:
     Attributes:
         episode: the car on its track.
         speed: target speed, mph; bends are taken more slowly.
-        wander: standard deviation of the random target offset from the lane's middle, metres; 0: none.
+        line: lateral offset from the road's middle to keep, metres, positive to the right; None: the lane's middle.
+        wander: standard deviation of a random deviation from the line, metres; 0: none.
         seed: of the wandering.
     """
 
     episode: Episode
     speed: float = 25.0
+    line: float | None = None
     wander: float = 0.0
     seed: int = 0
 
     def __post_init__(self) -> None:
+        self._line = self.episode.track.lane if self.line is None else self.line
         self._random = np.random.default_rng(self.seed)
         self._target_offset = self.wander * float(self._random.normal())
         self._steering = 0.0
@@ -53,12 +55,15 @@ class Expert:
         if self.wander:
             step = TICK / WANDER_SECONDS
             kick = self.wander * math.sqrt(2 * step) * float(self._random.normal())
-            room = max(float(self.episode.track.margins.min()) - EDGE_CLEARANCE, 0.0)
+            edge = float(self.episode.track.half_widths.min()) - HALF_TRACK
+            room = max(edge - abs(self._line) - EDGE_CLEARANCE, 0.0)
             self._target_offset = min(max(self._target_offset * (1 - step) + kick, -room), room)
 
     def _steer(self) -> float:
-        track, car = self.episode.track, self.episode.car
-        x, y, _ = track.at(self.episode.where.progress + LOOKAHEAD, track.lane + self._target_offset)
+        track, car, where = self.episode.track, self.episode.car, self.episode.where
+        target = self._line + self._target_offset
+        ahead = target + (where.lateral_offset - target) * OFFSET_LEFT
+        x, y, _ = track.at(where.progress + LOOKAHEAD, ahead)
         east, north = x - car.x, y - car.y
         right = east * math.cos(car.heading) - north * math.sin(car.heading)
         wanted = curvature_to_steering(2 * right / (east * east + north * north))

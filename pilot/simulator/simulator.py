@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from pilot.arrays import Frame
+from pilot.simulator.camera_variation import STANDARD, CameraVariation
 from pilot.simulator.catalogue import load_course, load_track
 from pilot.simulator.course import LIGHTS
 from pilot.simulator.episode import CarState, Episode
@@ -55,7 +56,7 @@ class Simulator:
         Args:
             track: lake, jungle, mountain or random:SEED; with the suffix " reversed" in the opposite direction.
             seed: of a random start position; None: the start line.
-            light: noon, evening or overcast; None: the course's default.
+            light: noon, clear, evening or overcast; None: the course's default.
 
         Raises:
             ValueError: there is no such track or light.
@@ -81,9 +82,9 @@ class Simulator:
             self.episode.advance(steering, throttle)
         return Observation(self.look(), self.episode.state)
 
-    def look(self) -> dict[str, Frame]:
+    def look(self, variation: CameraVariation = STANDARD) -> dict[str, Frame]:
         """Render the cameras' current frames, by camera name: 160x320x3 uint8 RGB each."""
-        return self.renderer.render_episode(self.episode)
+        return self.renderer.render_episode(self.episode, variation)
 
     def close(self) -> None:
         """Release the renderer's resources."""

@@ -17,7 +17,12 @@ from pilot.vehicle import HALF_TRACK
 
 REVERSED = " reversed"  # suffix of a track's name for the opposite direction
 STEP = 0.5  # metres between consecutive points of a track
-MIN_RADIUS = 12.0  # metres, minimum radius of bends; the car's minimum is 6.2
+MIN_RADIUS = 6.5  # metres, minimum radius of bends; the car's minimum is 6.2
+INNER_RADIUS = 1.5  # metres, minimum radius of a bend's inner edge
+CLEARANCE = 7.0  # metres of height between a road and the one that passes above it
+VERGE = 0.5  # metres between the edges of parts of the road that run side by side
+EMBANKMENT = 0.3  # metres added to that for each metre of height between them
+COARSE = 4  # points per point at which the distance to other parts of the road is checked
 
 
 @dataclass(frozen=True)
@@ -144,7 +149,9 @@ class Track:
         return np.asarray(self.curvatures[indices])
 
 
-def closed_road(name: str, corners: Floats, half_width: float | Floats, *, lane: float = 0.0) -> Track:
+def closed_road(
+    name: str, corners: Floats, half_width: float | Floats, *, lane: float = 0.0, start: float = 0.0
+) -> Track:
     """Create a track from a periodic cubic spline through points.
 
     Args:
@@ -152,9 +159,7 @@ def closed_road(name: str, corners: Floats, half_width: float | Floats, *, lane:
         corners: interpolated points (x, y, z), n x 3, metres.
         half_width: distance from the centre line to the road's edge, metres; one value or one per corner.
         lane: lateral offset of the middle of the car's lane, metres.
-
-    Raises:
-        ValueError: the road crosses or comes too close to itself, or a bend is too tight for its width.
+        start: distance from the first corner to the start line, metres.
     """
     corners = np.asarray(corners, float)
     closed = np.vstack([corners, corners[:1]])
@@ -166,30 +171,76 @@ def closed_road(name: str, corners: Floats, half_width: float | Floats, *, lane:
     count = round(travelled[-1] / STEP)
     even = np.interp(np.arange(count) * travelled[-1] / count, travelled, fine)
     speed, bend = spline(even, 1), spline(even, 2)
-    squared = (speed[:, :2] ** 2).sum(1)
-    curvatures = (bend[:, 0] * speed[:, 1] - bend[:, 1] * speed[:, 0]) / squared**1.5
+    curvatures = (bend[:, 0] * speed[:, 1] - bend[:, 1] * speed[:, 0]) / (speed[:, :2] ** 2).sum(1) ** 1.5
     headings = np.unwrap(np.arctan2(speed[:, 0], speed[:, 1]))
     widths = np.broadcast_to(half_width, len(corners))
     half_widths = np.interp(even, parameter, np.append(widths, widths[0]))
     track = Track(name, spline(even), headings, curvatures, half_widths, lane)
-    _check(track)
+    return _starting_at(track, start)
+
+
+def resampled(name: str, curve: Floats, half_width: float, *, lane: float = 0.0, start: float = 0.0) -> Track:
+    """Create a track from a finely sampled closed curve.
+
+    Args:
+        name: of the track.
+        curve: n x 5: x, y, z (metres), heading (radians, unwrapped) and curvature (1/m); the last point is the first.
+        half_width: distance from the centre line to the road's edge, metres.
+        lane: lateral offset of the middle of the car's lane, metres.
+        start: distance from the curve's first point to the start line, metres.
+    """
+    travelled = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(curve[:, :2], axis=0), axis=1))])
+    count = round(travelled[-1] / STEP)
+    even = np.arange(count) * travelled[-1] / count
+    x, y, z, headings, curvatures = (np.interp(even, travelled, column) for column in curve.T)
+    track = Track(name, np.column_stack([x, y, z]), headings, curvatures, np.full(count, half_width), lane)
+    return _starting_at(track, start)
+
+
+def _starting_at(track: Track, start: float) -> Track:
+    """Return the same track with the start line moved ahead by `start` metres."""
+    count = round(start / STEP)
+    arrays = {name: np.roll(getattr(track, name), -count, axis=0) for name in ("points", "curvatures", "half_widths")}
+    return replace(track, headings=np.unwrap(np.roll(track.headings, -count)), **arrays)
+
+
+def validated(track: Track) -> Track:
+    """Return the track if a car can drive on it and its surface does not overlap.
+
+    Raises:
+        ValueError: a bend is too tight for the car or the road's width, or the road comes too close to itself.
+    """
+    radius = 1 / np.abs(track.curvatures).max()
+    if radius < max(track.half_widths.max() + INNER_RADIUS, MIN_RADIUS):
+        raise ValueError(f"{track.name}: a bend of {radius:.1f} m radius is too tight")
+    distances, heights = separations(track)
+    too_close = (distances - EMBANKMENT * heights < 2 * track.half_widths.max() + VERGE) & (heights < CLEARANCE)
+    if too_close.any():
+        raise ValueError(f"{track.name}: comes within {distances[too_close].min():.1f} m of itself")
     return track
 
 
-def _check(track: Track) -> None:
-    radius = 1 / np.abs(track.curvatures).max()
-    if radius < max(2 * track.half_widths.max(), MIN_RADIUS):
-        raise ValueError(f"{track.name}: a bend of {radius:.1f} m radius is too tight")
-    if (closest := separation(track)) < 4 * track.half_widths.max():
-        raise ValueError(f"{track.name}: comes within {closest:.1f} m of itself")
+def separations(track: Track, apart: float = 50.0) -> tuple[Floats, Floats]:
+    """Return the distances on the map and in height (n each, metres) between parts of the road.
+
+    Args:
+        track: the road.
+        apart: distance along the road from which two points belong to different parts, metres.
+    """
+    points = track.points[::COARSE]
+    first, second = np.triu_indices(len(points), round(apart / STEP / COARSE))
+    different = len(points) - (second - first) >= apart / STEP / COARSE
+    between = points[second[different]] - points[first[different]]
+    return np.hypot(between[:, 0], between[:, 1]), np.abs(between[:, 2])
 
 
-def separation(track: Track, apart: float = 70.0) -> float:
-    """Return the minimum distance (metres) between points of the road at least `apart` metres apart along it."""
-    every = 4
-    points = track.points[::every, :2]
-    steps = np.arange(len(points))
-    along = np.abs(steps[:, None] - steps[None])
-    along = np.minimum(along, len(points) - along) * STEP * every
-    distances = np.linalg.norm(points[:, None] - points[None], axis=2)
-    return float(distances[along >= apart].min())
+def crossings(track: Track, apart: float = 50.0) -> list[tuple[int, int]]:
+    """Return the pairs of points at which the road crosses itself on the map, at least `apart` metres along it."""
+    pairs = track.tree.query_pairs(STEP, output_type="ndarray")
+    count, least = len(track.points), apart / STEP
+    found: list[tuple[int, int]] = []
+    for first, second in sorted(map(tuple, pairs)):
+        between = second - first
+        if min(between, count - between) >= least and all(abs(first - other) > least for other, _ in found):
+            found.append((int(first), int(second)))
+    return found

@@ -36,7 +36,7 @@ class TrainingConfig:
     learning_rate: float = 1e-3
     """Initial learning rate of Adam."""
     schedule: Literal["constant", "cosine"] = "cosine"
-    """Learning rate schedule: constant, or cosine annealing, epoch by epoch, towards zero."""
+    """Learning rate schedule: constant, or cosine annealing to zero."""
     warm_up: int = 0
     """Number of steps of linear learning rate warm-up, because large first steps can leave ReLUs permanently dead."""
     loss: Literal["mse", "huber"] = "mse"

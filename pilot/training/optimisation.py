@@ -31,7 +31,7 @@ def make_optimiser(parameters: Sequence[Tensor], config: TrainingConfig, device:
 
 
 def make_scheduler(optimiser: Optimizer, config: TrainingConfig, steps: int, done: int) -> LambdaLR:
-    """Return a scheduler that sets the learning rate of each step: that of the epoch, times the linear warm-up.
+    """Return a scheduler that sets the learning rate of each step: the schedule, times the linear warm-up.
 
     Args:
         optimiser: optimiser whose learning rate is set.
@@ -41,7 +41,7 @@ def make_scheduler(optimiser: Optimizer, config: TrainingConfig, steps: int, don
     """
 
     def factor(step: int) -> float:
-        return schedule(config, step // steps) * min((step + 1) / max(config.warm_up, 1), 1.0)
+        return schedule(config, step / steps) * min((step + 1) / max(config.warm_up, 1), 1.0)
 
     for group in optimiser.param_groups:
         group["initial_lr"] = config.learning_rate
@@ -53,6 +53,6 @@ def learning_rate(config: TrainingConfig, epoch: int) -> float:
     return config.learning_rate * schedule(config, epoch)
 
 
-def schedule(config: TrainingConfig, epoch: int) -> float:
-    """Return the factor (0..1) of the initial learning rate for an epoch (from 0)."""
+def schedule(config: TrainingConfig, epoch: float) -> float:
+    """Return the factor (0..1) of the initial learning rate after a number of epochs."""
     return (1 + math.cos(math.pi * epoch / config.epochs)) / 2 if config.schedule == "cosine" else 1.0

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 from tqdm import tqdm
 
-from pilot.data.augment import rows_needed
+from pilot.data.augment_batch import rows_needed
 from pilot.data.batches import Batch
 from pilot.data.driving_log import DrivingLog, read_driving_logs
 from pilot.data.frame_cache import FrameCache

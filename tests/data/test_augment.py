@@ -3,12 +3,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import picture
+from conftest import circle, picture
 
 from pilot import vehicle
-from pilot.data import augment
+from pilot.data import augment, augment_batch
 from pilot.data.augment import AugmentConfig
+from pilot.data.samples import side_steering
 from pilot.data.view import View, render
+from pilot.simulator.catalogue import load_track
+from pilot.simulator.episode import Episode
+from pilot.simulator.expert import Expert
 from pilot.training.recipes import RECIPES
 
 WHOLE = (0, 160)
@@ -69,8 +73,21 @@ def test_the_recovery_label_reaches_the_path_at_the_lookahead() -> None:
 @pytest.mark.parametrize("recipe", ["default", "built-in"])
 def test_a_shift_by_a_side_camera_means_the_side_cameras_correction(recipe: str) -> None:
     config = RECIPES[recipe]
-    view = augment.shift_viewpoint(View(0), -vehicle.SIDE_CAMERA_OFFSET, 0, config.augment.viewpoint_lookahead)
-    assert view.steering == pytest.approx(config.samples.side_correction, abs=0.005)
+    for camera, offset in vehicle.CAMERA_OFFSETS.items():
+        view = augment.shift_viewpoint(View(0.1), offset, 0, config.augment.viewpoint_lookahead)
+        assert view.steering == pytest.approx(side_steering(0.1, camera, config.samples), abs=0.006)
+
+
+def test_labels_of_displaced_views_are_the_experts_steering_from_there() -> None:
+    """On a straight and in a bend of 60 m radius, to the left and to the right of the path, and askew."""
+    for track, start in ((load_track("lake"), 750.0), (circle(), 20.0)):
+        episode = Episode(track)
+        for offset, heading in ((0.8, 0.0), (-1.5, 0.0), (0.5, 0.05)):
+            episode.place(start)
+            plain = Expert(episode).command()[0]
+            episode.place(start, offset, heading)
+            view = augment.shift_viewpoint(View(plain), offset, heading, None)
+            assert view.steering == pytest.approx(Expert(episode).command()[0], abs=0.02)
 
 
 def test_height_crop_stretches_the_rows_left_and_keeps_the_label() -> None:
@@ -81,6 +98,14 @@ def test_height_crop_stretches_the_rows_left_and_keeps_the_label() -> None:
     seen = render(frame, view.homography, (augment.CROP_TOP, augment.CROP_BOTTOM))[:, 100, 0]
     assert seen[0] == pytest.approx(top * 160, abs=1.5)
     assert seen[-1] == pytest.approx((1 - bottom) * 160, abs=2.5)
+
+
+def test_without_saturation_every_colour_is_grey() -> None:
+    frame = picture(0)
+    grey = augment.saturation(frame, 0.0)
+    np.testing.assert_allclose(grey, frame.mean(2, keepdims=True).repeat(3, 2), atol=1)  # OpenCV truncates coefficients
+    np.testing.assert_array_equal(augment.saturation(frame, 1.0), frame)
+    assert np.ptp(augment.saturation(frame, 1.5), axis=2).sum() > np.ptp(frame, axis=2).sum()
 
 
 def test_brightness_scales_the_value_and_stays_in_range() -> None:
@@ -109,8 +134,8 @@ def test_views_are_joined_in_order() -> None:
 
 def drawn_views(config: AugmentConfig, rng: np.random.Generator) -> View:
     """400 views of a steering of 0.5, changed by the geometric augmentations."""
-    drawn = augment.draw_geometric(400, config, rng)
-    return augment.apply_geometric(View(np.full(400, 0.5)), drawn, np.arange(400), config)
+    drawn = augment_batch.draw_geometric(400, config, rng)
+    return augment_batch.apply_geometric(View(np.full(400, 0.5)), drawn, np.arange(400), config)
 
 
 def test_each_augmentation_happens_with_its_probability() -> None:
@@ -122,10 +147,10 @@ def test_each_augmentation_happens_with_its_probability() -> None:
     mirrored = (drawn_views(replace(NOTHING, flip=0.5), rng).steering < 0).sum()
     assert 150 < mirrored < 250
     frame = picture(0)
-    drawn = augment.draw_photometric(9, NOTHING, rng)
+    drawn = augment_batch.draw_photometric(9, NOTHING, rng)
     for number in range(9):
-        np.testing.assert_array_equal(augment.apply_photometric(frame, drawn, number), frame)
-    shaded = (augment.draw_photometric(400, replace(NOTHING, shadow=0.5), rng)[1][:, 3] < 1).sum()
+        np.testing.assert_array_equal(augment_batch.apply_photometric(frame, drawn, number), frame)
+    shaded = (augment_batch.draw_photometric(400, replace(NOTHING, shadow=0.5), rng)[1][:, 3] < 1).sum()
     assert 150 < shaded < 250
 
 

@@ -5,7 +5,8 @@ import pandas as pd
 import torch
 from conftest import Recording
 
-from pilot.data.augment import AugmentConfig, rows_needed
+from pilot.data.augment import AugmentConfig
+from pilot.data.augment_batch import rows_needed
 from pilot.data.batches import Batch, BatchLoader, MicroBatch
 from pilot.data.device_augment import augment
 from pilot.data.driving_log import read_driving_logs
@@ -98,7 +99,7 @@ def test_a_picture_that_breaks_meanwhile_falls_out(recording: Recording) -> None
 
 def test_the_device_augments_as_the_cpu_does(recording: Recording) -> None:
     samples = training_samples(recording)
-    config = AugmentConfig(rotation=0.5, crop=0.5)
+    config = AugmentConfig(rotation=0.5, crop=0.5, saturation=0.5)
     rows = rows_needed(ROWS, config, 0)
     assert rows[0] > 0
     cache = FrameCache(rows)

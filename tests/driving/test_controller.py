@@ -1,6 +1,7 @@
 import pytest
 
 from pilot.driving.controller import ControllerConfig, SpeedController, SteeringFilter
+from pilot.vehicle import GRAVITY, MPH, steering_to_curvature
 
 
 def simulate(config: ControllerConfig, seconds: float, step: float) -> list[float]:
@@ -50,8 +51,8 @@ def test_throttle_stays_within_its_range() -> None:
 
 def test_slows_down_with_the_steering_where_asked() -> None:
     plain, careful = (
-        SpeedController(ControllerConfig(speed=30)),
-        SpeedController(ControllerConfig(speed=30, slow_in_curves=0.6)),
+        SpeedController(ControllerConfig(speed=30, lateral_g=0)),
+        SpeedController(ControllerConfig(speed=30, lateral_g=0, slow_in_curves=0.6)),
     )
     assert plain.target_speed(1.0) == 30
     assert careful.target_speed(0.0) == 30
@@ -74,3 +75,15 @@ def test_smoothing_follows_with_its_time_constant() -> None:
 def test_impossible_settings_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="must"):
         ControllerConfig(**bad).check()
+
+
+def test_slows_down_to_what_the_tyres_hold() -> None:
+    controller = SpeedController(ControllerConfig(speed=30, lateral_g=0.45))
+    assert controller.target_speed(0.1) == 30  # a bend of 66 m radius
+    assert controller.target_speed(1.0) == controller.target_speed(-1.0)
+    for steering in (0.4, 1.0):
+        speed = controller.target_speed(steering) * MPH
+        assert speed**2 * steering_to_curvature(steering) / GRAVITY == pytest.approx(0.45)
+    assert SpeedController(ControllerConfig(speed=3, lateral_g=0.01)).target_speed(1.0) == 3
+    with pytest.raises(ValueError, match="--lateral-g -1"):
+        ControllerConfig(lateral_g=-1).check()

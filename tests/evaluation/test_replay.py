@@ -52,7 +52,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     folder = tmp_path_factory.mktemp("replay")
     truth = []
     with Simulator(CAMERAS) as simulator, RecordingWriter(folder) as writer:
-        simulator.reset("lake")
+        simulator.reset("lake", seed=1)  # not beside the dirt road, where the road has one edge only
         for step in demonstrate(simulator.episode, PLAN):
             state = simulator.episode.state
             truth.append((state.cross_track_error, state.heading_error))

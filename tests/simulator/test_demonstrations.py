@@ -18,7 +18,6 @@ from pilot.data.frames import decode_frame, encode_frame
 from pilot.data.log_format import LOG_NAME
 from pilot.simulator import demonstrations
 from pilot.simulator.demonstration import DemonstrationConfig
-from pilot.simulator.expert import LOOKAHEAD
 from pilot.simulator.simulator import Simulator
 from pilot.training.config import TrainingConfig
 
@@ -187,7 +186,8 @@ def test_built_in_laps_are_not_mirrored_and_named_ones_are(tmp_path: Path, monke
     """The expert keeps to the right of two lanes: a mirrored picture would show it on the left."""
     monkeypatch.chdir(tmp_path)
     assert train_command.parse_options([]).augment.flip == 0
-    assert train_command.parse_options([]).augment.viewpoint_lookahead == LOOKAHEAD  # one law of coming back
+    assert train_command.parse_options([]).augment.viewpoint_lookahead is None  # the expert's law of coming back
+    assert train_command.parse_options([]).samples.side_rule == "pursuit"
     assert train_command.parse_options(["--data", "laps"]).augment.flip == 0.5
     assert train_command.parse_options(["--augment.flip", "0.3"]).augment.flip == 0.3
     assert train_command.parse_options(["--recipe", "lenet-drop-zeros"]).network == "lenet"

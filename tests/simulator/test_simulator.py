@@ -34,7 +34,7 @@ def test_frames_are_as_the_real_simulators(simulator: Simulator) -> None:
         assert frame.dtype == np.uint8
     sky, road = frames["center"][5].mean(0), frames["center"][120, 130:190].mean(0)
     assert sky[2] > sky[0] + 20  # RGB: the sky is blue
-    assert np.ptp(road) < 20  # and asphalt grey
+    assert np.ptp(road) < 30  # and asphalt grey
 
 
 def test_the_same_commands_give_the_same_frames(simulator: Simulator) -> None:
@@ -64,7 +64,7 @@ def test_a_side_camera_sees_what_the_middle_one_sees_from_there(simulator: Simul
 
 def test_lines_on_the_road_are_where_the_cameras_geometry_says(simulator: Simulator) -> None:
     simulator.reset("lake")
-    simulator.episode.place(straightest(simulator.episode.track))
+    simulator.episode.place(330.0)  # straight, and not on the bridge, which has no lines
     frame = simulator.look()["center"].astype(int)
     yellow = frame[:, :, :2].mean(2) - frame[:, :, 2] > 60
     yellow[:, 158:162] = False

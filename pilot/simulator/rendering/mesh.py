@@ -33,6 +33,10 @@ class Mesh:
         names, piece = np.unique(squares, axis=0, return_inverse=True)
         return [self.subset(np.flatnonzero(piece.ravel() == number)) for number in range(len(names))]
 
+    def multiplied(self, light: Floats) -> "Mesh":
+        """Return the mesh with its colours multiplied by the light at its corners (n x 4 x 3, RGB, 0..1)."""
+        return Mesh(self.texture, self.corners, self.colours * light, self.texels)
+
     def subset(self, quads: NDArray[np.intp]) -> "Mesh":
         """Return a mesh of the quads with the given indices."""
         return Mesh(self.texture, self.corners[quads], self.colours[quads], self.texels[quads])

@@ -21,6 +21,7 @@ from panda3d.core import (
 
 from pilot.arrays import Frame, Matrix
 from pilot.camera import camera_rotation
+from pilot.simulator.camera_variation import STANDARD, CameraVariation
 from pilot.simulator.episode import Episode
 from pilot.simulator.rendering.bonnet import add_bonnet
 from pilot.simulator.rendering.scene import Scene
@@ -76,16 +77,26 @@ class Renderer:
         self._output.make_display_region(number * width, (number + 1) * width, 0, 1).set_camera(node)
         return node
 
-    def render(self, x: float, y: float, z: float, heading: float, slope: float = 0.0) -> dict[str, Frame]:
+    def render(
+        self,
+        x: float,
+        y: float,
+        z: float,
+        heading: float,
+        slope: float = 0.0,
+        *,
+        variation: CameraVariation = STANDARD,
+    ) -> dict[str, Frame]:
         """Render the cameras' frames, by camera name: 160x320x3 uint8 RGB each.
 
         Args:
             x, y, z: middle of the car's rear axle, on the ground, metres.
             heading: compass heading of the car, radians.
             slope: of the ground in the direction of the heading, rise over run.
+            variation: of the cameras.
         """
         for name, node in zip(self.cameras, self._nodes, strict=True):
-            pose = camera_pose(x, y, z, heading, slope, offset=CAMERA_OFFSETS[name])
+            pose = camera_pose(x, y, z, heading, slope, offset=CAMERA_OFFSETS[name], variation=variation)
             node.set_mat(LMatrix4f(*pose.ravel()))
         self.scene.sky.set_pos(x, y, z + CAMERA_HEIGHT)
         self._engine.render_frame()
@@ -93,33 +104,43 @@ class Renderer:
         strip = image.reshape(ROWS, COLUMNS * len(self.cameras), 3)[::-1]
         frames = {}
         for number, name in enumerate(self.cameras):
-            frame = strip[:, number * COLUMNS : (number + 1) * COLUMNS].copy()
-            frames[name] = add_bonnet(frame, name, self.scene.light)
+            frame = add_bonnet(strip[:, number * COLUMNS : (number + 1) * COLUMNS].copy(), name, self.scene.light)
+            frames[name] = frame if variation is STANDARD else variation.developed(frame)
         return frames
 
-    def render_episode(self, episode: Episode) -> dict[str, Frame]:
+    def render_episode(self, episode: Episode, variation: CameraVariation = STANDARD) -> dict[str, Frame]:
         """Render the cameras' frames in an episode's current state, by camera name: 160x320x3 uint8 RGB each."""
         car = episode.car
-        return self.render(car.x, car.y, self.scene.ground(episode), car.heading, episode.slope)
+        ground = self.scene.ground(episode)
+        return self.render(car.x, car.y, ground, car.heading, episode.slope, variation=variation)
 
     def close(self) -> None:
         """Release the off-screen buffer."""
         self._engine.remove_window(self._output)
 
 
-def camera_pose(x: float, y: float, z: float, heading: float, slope: float, *, offset: float) -> Matrix:
+def camera_pose(
+    x: float, y: float, z: float, heading: float, slope: float, *, offset: float, variation: CameraVariation = STANDARD
+) -> Matrix:
     """Return a camera's pose in Panda3D's convention: 4x4, whose rows are its right, forward and up axes and position.
 
     Args:
         x, y, z, heading, slope: of the car, as for `Renderer.render`.
         offset: of the camera to the right of the car's middle, metres.
+        variation: of the camera's height, pitch and roll.
     """
-    pitch = math.atan(slope)
+    pitch = math.atan(slope) - variation.pitch
     forward = np.array([math.sin(heading) * math.cos(pitch), math.cos(heading) * math.cos(pitch), math.sin(pitch)])
-    right = np.array([math.cos(heading), -math.sin(heading), 0.0])
+    level = np.array([math.cos(heading), -math.sin(heading), 0.0])
+    right = math.cos(variation.roll) * level - math.sin(variation.roll) * np.cross(level, forward)
     up = np.cross(right, forward)
     axes = camera_rotation() @ np.stack([right, -up, forward])  # right, down and forward of the tilted camera
     pose = np.eye(4)
     pose[0, :3], pose[1, :3], pose[2, :3] = axes[0], axes[2], -axes[1]
-    pose[3, :3] = np.array([x, y, z]) + CAMERA_AHEAD_OF_REAR_AXLE * forward + CAMERA_HEIGHT * up + offset * right
+    pose[3, :3] = (
+        np.array([x, y, z])
+        + CAMERA_AHEAD_OF_REAR_AXLE * forward
+        + (CAMERA_HEIGHT + variation.height) * up
+        + offset * right
+    )
     return pose

@@ -23,10 +23,12 @@ from panda3d.core import (
 
 from pilot.simulator.course import LIGHTS, Course, Light, Plant
 from pilot.simulator.episode import Episode
-from pilot.simulator.rendering.ground import ground_meshes, grow_plants, plant_mesh
-from pilot.simulator.rendering.lightmap import LightMap, bake_light
+from pilot.simulator.rendering.ground import ground_meshes
+from pilot.simulator.rendering.lightmap import LightMap, bake_light, light_above_ground
 from pilot.simulator.rendering.mesh import Mesh, join
+from pilot.simulator.rendering.plants import grow_plants, plant_mesh
 from pilot.simulator.rendering.road import road_meshes
+from pilot.simulator.rendering.signs import sign_meshes
 from pilot.simulator.rendering.terrain import LEVEL_BESIDE, Terrain, make_terrain
 from pilot.simulator.rendering.textures import panorama, plant, surface
 
@@ -53,19 +55,25 @@ class Scene:
         """
         self.light: Light = LIGHTS[light or course.light]
         self.terrain: Terrain = make_terrain(course)
+        on_ground, on_bridges = road_meshes(course, self.light)
         plants = grow_plants(course, self.terrain)
-        shine = bake_light(self.terrain, plants, self.light, course.look.tree)
+        shine = bake_light(self.terrain, plants, on_bridges, self.light)
         self.root = NodePath("course")
         # draw in order of creation: otherwise memory addresses decide which of two pixels at equal depth is visible
         self.root.set_bin("unsorted", 0)
         solid = _lit(self.root.attach_new_node("solid"), shine)
-        for mesh in join([*ground_meshes(course, self.terrain), *road_meshes(course)]):
+        for mesh in join([*ground_meshes(course, self.terrain), *on_ground]):
             _attach(solid, mesh, shine)
-        trees = self.root.attach_new_node("plants")
-        trees.set_transparency(TransparencyAttrib.M_binary)
-        trees.set_two_sided(True)
-        mesh = plant_mesh(course, plants, shine.light_at(plants.points))
-        _attach(trees, mesh, None)
+        bridges = self.root.attach_new_node("bridges")
+        for mesh in join(on_bridges):
+            _attach(bridges, mesh.multiplied(light_above_ground(self.terrain, mesh.corners, self.light)), None)
+        upright = self.root.attach_new_node("upright")
+        upright.set_transparency(TransparencyAttrib.M_binary)
+        upright.set_two_sided(True)
+        for group in plants:
+            _attach(upright, plant_mesh(group, shine.light_at(group.points)), None)
+        for mesh in sign_meshes(course, self.light):
+            _attach(upright, mesh, None)
         self.sky = _sky(self.light, course)
         self.sky.reparent_to(self.root)
 

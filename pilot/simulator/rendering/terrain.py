@@ -5,24 +5,16 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from pilot.arrays import Floats
-from pilot.simulator.course import DIRT, Course, Roadside
+from pilot.simulator.course import DIRT, Course, Roadside, RoadsideSection
 from pilot.simulator.rendering.noise import smooth_noise
 
-CELL = 4.0  # metres between neighbouring points of the grid
+CELL = 3.0  # metres between neighbouring points of the grid
 MARGIN = 110.0  # metres of terrain around the road's bounding box
-LEVEL_BESIDE = 3.0  # metres from the road's edge within which the terrain is level with the road
+LEVEL_BESIDE = 2.0  # metres from the road's edge within which the terrain is level with the road
 BELOW_ROAD = 0.3  # metres between the road and the terrain below it, because the road is a separate mesh
-RISE: dict[Roadside, tuple[float, float]] = {  # height above the road, distance over which it is reached; metres
-    "hill": (7.0, 32.0),
-    "cliff": (11.0, 8.0),
-    "drop": (-9.0, 14.0),
-    "water": (-5.0, 14.0),
-    "bridge": (-5.0, 4.0),
-    "grove": (1.5, 30.0),
-    "dirt": (0.0, 10.0),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +73,7 @@ def make_terrain(course: Course) -> Terrain:
 
 
 class Nearest:
-    """The nearest point of the road for each of an array of points.
+    """The nearest point of the road on the ground, which excludes bridges, for each of an array of points.
 
     Attributes:
         distance: from the road's centre line, metres.
@@ -92,7 +84,9 @@ class Nearest:
     def __init__(self, course: Course, points: Floats) -> None:
         """Find the nearest points of the road for points (... x 2, metres)."""
         self._course, track = course, course.track
-        self.distance, self._index = track.tree.query(points)
+        grounded = np.flatnonzero(~course.on_bridge())
+        self.distance, nearest = KDTree(track.points[grounded, :2]).query(points)
+        self._index = grounded[nearest]
         heading = track.headings[self._index]
         away = points - track.points[self._index, :2]
         self._right: NDArray[np.bool_] = away[..., 0] * np.cos(heading) - away[..., 1] * np.sin(heading) > 0
@@ -104,14 +98,22 @@ class Nearest:
         left, right = self._course.weight(kind, -1), self._course.weight(kind, 1)
         return np.asarray(np.where(self._right, right[self._index], left[self._index]))
 
+    def section_weight(self, section: RoadsideSection) -> Floats:
+        """Return the weight (0..1) of a section of the roadside at each point."""
+        own_side = True if section.side == 0 else self._right == (section.side > 0)
+        return np.asarray(self._course.section_weight(section)[self._index] * own_side)
+
 
 def _heights(course: Course, near: Nearest, random: np.random.Generator) -> Floats:
     rows, columns = near.beyond.shape
     rolling = smooth_noise(random, rows, columns, 5) + 0.5
     heights = near.road + course.look.relief * rolling * _smoothstep(near.beyond, 8, 60)
-    for kind, (rise, reached) in RISE.items():
-        height = rise * (1 + 0.35 * smooth_noise(random, rows, columns, 14, 2))
-        heights += near.weight(kind) * height * _smoothstep(near.beyond, LEVEL_BESIDE, LEVEL_BESIDE + reached)
+    uneven = 1 + 0.35 * smooth_noise(random, rows, columns, 14, 2)
+    for section in course.roadside:
+        if shape := section.terrain:
+            start = max(shape.distance, LEVEL_BESIDE)
+            rise = shape.rise * _smoothstep(near.beyond, start, start + shape.width)
+            heights += near.section_weight(section) * uneven * rise
     # smooths the step halfway between two parts of the road, where the nearest one changes
     soft = cv2.GaussianBlur(heights, (0, 0), 3.0)
     heights += (soft - heights) * _smoothstep(near.beyond, 6, 25)

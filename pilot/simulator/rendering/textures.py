@@ -12,36 +12,47 @@ from pilot.simulator.rendering.noise import smooth_noise
 Picture = NDArray[np.uint8]
 
 SIZE = 256  # pixels; a power of two, as the renderer requires
-MEAN = 0.72  # mean brightness of a surface's texture, by which a mesh's colours are divided to compensate for it
+MEAN = {"asphalt": 0.72, "tarmac": 0.78, "cobbles": 0.7, "concrete": 0.86, "ground": 0.72, "paint": 0.95, "kerb": 1.0}
+"""Mean brightness of each surface's texture, by which a mesh's colours are divided to compensate for it."""
+RED, WHITE = (214, 98, 90), (238, 232, 220)  # of kerbs
 
 
 @functools.cache
 def surface(name: str) -> Picture:
-    """Return a grey tile (256x256x3) of asphalt, tarmac, cobbles, concrete or ground, to be multiplied by a colour."""
+    """Return a tile (256x256x3) of a surface, a key of MEAN, to be multiplied by a colour; all but kerbs are grey."""
     random = np.random.default_rng([sum(name.encode())])
+    if name == "kerb":
+        stripes = np.where((np.arange(SIZE) < SIZE // 2)[:, None, None], RED, WHITE)
+        return np.asarray(stripes * random.uniform(0.92, 1.0, (SIZE, SIZE, 1)), np.uint8)
     makers = {"asphalt": _asphalt, "tarmac": _tarmac, "cobbles": _cobbles, "concrete": _concrete, "ground": _ground}
-    grey = makers[name](random)
+    grey = makers.get(name, _paint)(random)
+    grey *= MEAN[name] / grey.mean()
     return np.repeat((255 * grey.clip(0, 1)).astype(np.uint8)[:, :, None], 3, axis=2)
 
 
 def _asphalt(random: np.random.Generator) -> NDArray[np.float64]:
-    grains = random.normal(0, 0.3, (SIZE, SIZE))
-    stones = (random.uniform(size=(SIZE, SIZE)) > 0.98) * 0.9
-    return MEAN + cv2.GaussianBlur(grains + stones, (0, 0), 1.3) + 0.1 * smooth_noise(random, SIZE, SIZE, 12)
+    grains = random.normal(0, 0.46, (SIZE, SIZE))
+    stones = (random.uniform(size=(SIZE, SIZE)) > 0.98) * 1.6
+    patches = 0.09 * smooth_noise(random, SIZE, SIZE, 12)
+    return 0.72 + cv2.GaussianBlur(grains + stones, (0, 0), 1.3) + patches
 
 
 def _tarmac(random: np.random.Generator) -> NDArray[np.float64]:
-    grains = cv2.GaussianBlur(random.normal(0, 0.12, (SIZE, SIZE)), (0, 0), 0.9)
-    return MEAN + grains + 0.05 * smooth_noise(random, SIZE, SIZE, 5)
+    grains = cv2.GaussianBlur(random.normal(0, 0.16, (SIZE, SIZE)), (0, 0), 0.8)
+    return 0.78 + grains + 0.07 * smooth_noise(random, SIZE, SIZE, 5)
 
 
 def _concrete(random: np.random.Generator) -> NDArray[np.float64]:
-    return 0.8 + 0.05 * smooth_noise(random, SIZE, SIZE, 10) + random.normal(0, 0.02, (SIZE, SIZE))
+    return 0.86 + 0.05 * smooth_noise(random, SIZE, SIZE, 10) + random.normal(0, 0.02, (SIZE, SIZE))
+
+
+def _paint(random: np.random.Generator) -> NDArray[np.float64]:
+    return 0.95 + 0.03 * smooth_noise(random, SIZE, SIZE, 10)
 
 
 def _ground(random: np.random.Generator) -> NDArray[np.float64]:
-    blades = cv2.GaussianBlur(random.normal(0, 0.35, (SIZE, SIZE)), (0, 0), 1.2)
-    return MEAN + blades + 0.16 * smooth_noise(random, SIZE, SIZE, 5)
+    blades = cv2.GaussianBlur(random.normal(0, 0.5, (SIZE, SIZE)), (0, 0), 1.2)
+    return 0.72 + blades + 0.22 * smooth_noise(random, SIZE, SIZE, 5)
 
 
 def _cobbles(random: np.random.Generator) -> NDArray[np.float64]:
@@ -56,10 +67,10 @@ def _cobbles(random: np.random.Generator) -> NDArray[np.float64]:
 
 @functools.cache
 def plant(kind: str) -> Picture:
-    """Return a pine, palm or boulder seen from the side on a transparent background: 128x128x4 RGBA."""
+    """Return a pine, palm, boulder or bush seen from the side on a transparent background: 128x128x4 RGBA."""
     random = np.random.default_rng([sum(kind.encode())])
     picture = np.zeros((4 * 128, 4 * 128, 4), np.uint8)
-    {"pine": _pine, "palm": _palm, "boulder": _boulder}[kind](picture, random)
+    {"pine": _pine, "palm": _palm, "boulder": _boulder, "bush": _bush}[kind](picture, random)
     small = cv2.resize(picture, (128, 128), interpolation=cv2.INTER_AREA)
     seen = small[:, :, 3:4] > 127
     mean = picture[picture[:, :, 3] > 0, :3].mean(0)  # for transparent pixels: interpolation mixes them in at edges
@@ -118,6 +129,15 @@ def _boulder(picture: Picture, random: np.random.Generator) -> None:
         cv2.fillPoly(picture, [np.array(face)], (int(140 * shade), int(132 * shade), int(122 * shade), 255))
     grain = (1 + 0.18 * smooth_noise(random, 512, 512, 14))[:, :, None]
     picture[:, :, :3] = (picture[:, :, :3] * grain).clip(0, 255)
+
+
+def _bush(picture: Picture, random: np.random.Generator) -> None:
+    for _ in range(60):
+        across, up = random.uniform(60, 452), random.uniform(150, 480)
+        shade = random.uniform(0.4, 1.3)
+        size = (int(random.uniform(24, 60)), int(random.uniform(20, 44)))
+        colour = (int(46 * shade), int(48 * shade), int(26 * shade), 255)
+        cv2.ellipse(picture, (int(across), int(up)), size, 0, 0, 360, colour, -1)
 
 
 def panorama(light: Light, land: tuple[int, int, int], seed: int) -> Picture:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pilot.simulator.course import Course, Look, RoadsideSection
-from pilot.simulator.track import closed_road
+from pilot.simulator.track import closed_road, validated
 
 NUMBER = 3
 CORNERS = [
@@ -24,33 +24,33 @@ CORNERS = [
     (-76, -32, 6),
     (-74, -72, 2),
 ]  # x, y, z in metres
+LOOK = Look(
+    asphalt=(104, 102, 104),
+    grain="tarmac",
+    edge_line=None,
+    shoulder=(138, 126, 108),
+    kerbs=False,
+    grass=(92, 86, 56),
+    dry=(112, 96, 70),
+    rock=(112, 104, 96),
+    tree="boulder",
+    trees=60.0,
+    relief=14.0,
+    verge=2.5,
+)
 
 
 def course() -> Course:
     """Create the course: a dark, narrow road with rocks at its edge."""
-    look = Look(
-        asphalt=(104, 102, 104),
-        grain="tarmac",
-        edge_line=None,
-        shoulder=(138, 126, 108),
-        kerbs=False,
-        grass=(92, 86, 56),
-        dry=(112, 96, 70),
-        rock=(112, 104, 96),
-        tree="boulder",
-        trees=60,
-        relief=14,
-        verge=2.5,
-    )
     roadside = (
-        RoadsideSection("cliff", 0.03, 0.2, 1),
-        RoadsideSection("drop", 0.08, 0.22, -1),
-        RoadsideSection("cliff", 0.26, 0.4, -1),
-        RoadsideSection("drop", 0.28, 0.38, 1),
-        RoadsideSection("cliff", 0.44, 0.6, 1),
-        RoadsideSection("hill", 0.44, 0.56, -1),
-        RoadsideSection("cliff", 0.62, 0.72, -1),
-        RoadsideSection("drop", 0.64, 0.8, 1),
-        RoadsideSection("cliff", 0.84, 0.96, 1),
+        RoadsideSection("cliff", 25, 169, 1),
+        RoadsideSection("drop", 68, 186, -1),
+        RoadsideSection("cliff", 220, 338, -1),
+        RoadsideSection("drop", 236, 321, 1),
+        RoadsideSection("cliff", 372, 507, 1),
+        RoadsideSection("hill", 372, 473, -1),
+        RoadsideSection("cliff", 524, 608, -1),
+        RoadsideSection("drop", 540, 676, 1),
+        RoadsideSection("cliff", 709, 811, 1),
     )
-    return Course(closed_road("mountain", np.array(CORNERS, float), 3.6), look, "overcast", roadside, seed=3)
+    return Course(validated(closed_road("mountain", np.array(CORNERS, float), 3.6)), LOOK, "overcast", roadside, seed=3)
