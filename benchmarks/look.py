@@ -25,10 +25,10 @@ COMPARED = 400  # places per track
 REGIONS = {  # distance from the centre line relative to the road's half width, metres
     "road": (-9.0, -2.0),
     "edge": (-1.6, 1.6),
-    "land": (3.0, 12.0),
+    "ground": (3.0, 12.0),
 }
 FARTHEST = 30.0  # metres ahead
-SKY_ROWS = 25  # rows of a frame that show sky and distant land
+SKY_ROWS = 25  # rows of a frame that show sky and distant ground
 SMALLEST = 50  # pixels of a region that are compared
 STATISTICS = ("red", "green", "blue", "p5", "p50", "p95", "detail", "spread")
 

@@ -236,8 +236,13 @@ def _crop_examples(view: View, config: AugmentConfig) -> dict[str, View]:
     }
 
 
+def _draw_factors(n: int, probability: float, limits: tuple[float, float], rng: np.random.Generator) -> Floats:
+    """Draw n factors, which are 1 with the probability that an augmentation does not happen."""
+    return np.where(rng.random(n) < probability, rng.uniform(*limits, n), 1.0)
+
+
 def _draw_brightness(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
-    return np.where(rng.random(n) < config.brightness, rng.uniform(*config.brightness_range, n), 1.0)[:, None]
+    return _draw_factors(n, config.brightness, config.brightness_range, rng)[:, None]
 
 
 def _apply_brightness(pixels: Frame, parameters: Floats) -> Frame:
@@ -247,7 +252,7 @@ def _apply_brightness(pixels: Frame, parameters: Floats) -> Frame:
 def _draw_shadow(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
     """Draw the arguments of `shadow`: n x (top, bottom, right as 0 or 1, factor)."""
     drawn = np.empty((n, 4))
-    drawn[:, 3] = np.where(rng.random(n) < config.shadow, rng.uniform(*config.shadow_range, n), 1.0)
+    drawn[:, 3] = _draw_factors(n, config.shadow, config.shadow_range, rng)
     drawn[:, :2] = rng.uniform(0, COLUMNS, (2, n)).T
     drawn[:, 2] = rng.integers(2, size=n)
     return drawn
@@ -259,7 +264,7 @@ def _apply_shadow(pixels: Frame, parameters: Floats) -> Frame:
 
 
 def _draw_saturation(n: int, config: AugmentConfig, rng: np.random.Generator) -> Floats:
-    return np.where(rng.random(n) < config.saturation, rng.uniform(*config.saturation_range, n), 1.0)[:, None]
+    return _draw_factors(n, config.saturation, config.saturation_range, rng)[:, None]
 
 
 def _apply_saturation(pixels: Frame, parameters: Floats) -> Frame:

@@ -12,7 +12,7 @@ from pilot.data.recording_writer import RECORDING_RATE, is_due
 from pilot.simulator.episode import Episode
 from pilot.simulator.expert import EDGE_CLEARANCE, Expert
 from pilot.simulator.track import STEP, Track
-from pilot.vehicle import HALF_TRACK, MPH, TICK, TOP_SPEED_MPH
+from pilot.vehicle import MPH, TICK, TOP_SPEED_MPH
 
 LONGEST_RECOVERY = 2.4  # s
 RECOVERY_METRES = 20.0  # approximate length of a recovery, for the progress bar
@@ -93,10 +93,10 @@ def demonstrate(episode: Episode, config: DemonstrationConfig) -> Iterator[Demon
         expert = Expert(episode, config.speed, line, config.wander, config.seed + lap)
         for command in _commands(episode, expert, config.rate, functools.partial(_driven, episode, end)):
             yield DemonstrationStep(command, lap_share * episode.laps / config.laps)
+    last_row = round(math.floor(LONGEST_RECOVERY * config.rate) / config.rate / TICK)  # ticks after the start
     for number in range(config.recoveries):
         expert = _displaced(episode, number, config)
-        latest = episode.ticks + round(math.floor(LONGEST_RECOVERY * config.rate) / config.rate / TICK)  # last row
-        over = functools.partial(_recovered, episode, expert, latest)
+        over = functools.partial(_recovered, expert, episode.ticks + last_row)
         for command in _commands(episode, expert, config.rate, over):
             yield DemonstrationStep(command, lap_share + (1 - lap_share) * number / config.recoveries)
 
@@ -109,7 +109,7 @@ def lines(track: Track, spread: float) -> tuple[float, float]:
     """Return the leftmost and the rightmost line of a demonstration, metres to the right of the road's middle."""
     if not spread:
         return track.lane, track.lane
-    room = max(float(track.half_widths.min()) - HALF_TRACK - EDGE_CLEARANCE, abs(track.lane))
+    room = max(track.largest_offset - EDGE_CLEARANCE, abs(track.lane))
     left, right = min(track.lane, 0.0), max(track.lane, 0.0)
     return left - spread * (room + left), right + spread * (room - right)
 
@@ -133,7 +133,7 @@ def _displaced(episode: Episode, number: int, config: DemonstrationConfig) -> Ex
     random = np.random.default_rng([config.seed, number])
     track = episode.track
     start = _recovery_start(track, (number + float(random.uniform())) / config.recoveries)
-    edge = float(track.half_widths.min()) - HALF_TRACK
+    edge = track.largest_offset
     offset, heading = float(random.uniform(-edge, edge)), float(random.normal(0, RECOVERY_HEADING))
     expert = Expert(episode, config.speed, float(np.clip(offset, *lines(track, config.line_spread))))
     episode.place(start, offset - track.lane, heading)
@@ -150,8 +150,7 @@ def _recovery_start(track: Track, share: float) -> float:
     return (index * STEP - RECOVERY_AHEAD) % track.length
 
 
-def _recovered(episode: Episode, expert: Expert, latest: int) -> bool:
+def _recovered(expert: Expert, latest: int) -> bool:
     """Return whether the car is back on the expert's line, or the tick `latest` is past."""
-    assert expert.line is not None
-    error = episode.where.lateral_offset - expert.line
-    return (abs(error) < RECOVERED[0] and abs(episode.state.heading_error) < RECOVERED[1]) or episode.ticks > latest
+    back = abs(expert.error) < RECOVERED[0] and abs(expert.episode.state.heading_error) < RECOVERED[1]
+    return back or expert.episode.ticks > latest

@@ -12,7 +12,7 @@ import numpy as np
 
 from pilot.pursuit import LOOKAHEAD, OFFSET_LEFT
 from pilot.simulator.episode import Episode
-from pilot.vehicle import GRAVITY, HALF_TRACK, MPH, TICK, curvature_to_steering
+from pilot.vehicle import GRAVITY, MPH, TICK, curvature_to_steering
 
 MAX_LATERAL_ACCELERATION = 0.45 * GRAVITY  # m/s², maximum lateral acceleration in bends
 DECELERATION = 3.5  # m/s², assumed deceleration
@@ -50,13 +50,17 @@ class Expert:
         self._wander()
         return self._steer(), self._accelerate()
 
+    @property
+    def error(self) -> float:
+        """The car's lateral offset from the line, metres, positive to the right."""
+        return self.episode.where.lateral_offset - self._line
+
     def _wander(self) -> None:
         """Update the target offset by an Ornstein-Uhlenbeck process."""
         if self.wander:
             step = TICK / WANDER_SECONDS
             kick = self.wander * math.sqrt(2 * step) * float(self._random.normal())
-            edge = float(self.episode.track.half_widths.min()) - HALF_TRACK
-            room = max(edge - abs(self._line) - EDGE_CLEARANCE, 0.0)
+            room = max(self.episode.track.largest_offset - abs(self._line) - EDGE_CLEARANCE, 0.0)
             self._target_offset = min(max(self._target_offset * (1 - step) + kick, -room), room)
 
     def _steer(self) -> float:

@@ -75,9 +75,9 @@ class Track:
         return KDTree(self.points[:, :2])
 
     @functools.cached_property
-    def margins(self) -> Floats:
-        """Distance (n, metres) from the wheels of a car in the middle of its lane to the road's edge."""
-        return np.asarray(self.half_widths - abs(self.lane) - HALF_TRACK)
+    def largest_offset(self) -> float:
+        """Largest lateral offset (metres, to either side) at which the wheels are on the road everywhere."""
+        return float(self.half_widths.min()) - HALF_TRACK
 
     def beside(self, offsets: Floats | float) -> Floats:
         """Return the points (n x 3, metres) at lateral offsets (one or n, metres) from the centre line."""

@@ -77,9 +77,9 @@ def test_straight_on_is_put_back_where_it_leaves_the_road_and_comes_to_the_end(w
 
 
 def test_latency_makes_it_worse(winding: Track) -> None:
-    prompt, late = (scores(winding, laps=0.5, latency_ms=milliseconds) for milliseconds in (0, 1200))
+    prompt, late = (scores(winding, laps=0.5, latency_ms=milliseconds) for milliseconds in (0, 800))
     assert late.cross_track_mean > 3 * prompt.cross_track_mean  # less of it helps the expert, who steers somewhat early
-    assert late.steering_rate > 2 * prompt.steering_rate
+    assert late.steering_rate > 3 * prompt.steering_rate
     assert late.interventions > prompt.interventions == 0
 
 

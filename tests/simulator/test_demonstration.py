@@ -13,14 +13,8 @@ def test_lines_lie_between_the_edges_and_on_two_lanes_reach_across_the_middle() 
         track = load_track(name)
         left, right = lines(track, 0.3)
         assert lines(track, 0.0) == (track.lane, track.lane)
-        assert (
-            -track.half_widths.min() + HALF_TRACK
-            < left
-            < 0
-            <= track.lane
-            < right
-            < track.half_widths.min() - HALF_TRACK
-        )
+        edge = track.half_widths.min() - HALF_TRACK
+        assert -edge < left < 0 <= track.lane < right < edge
 
 
 def test_each_lap_follows_a_line_of_its_own() -> None:

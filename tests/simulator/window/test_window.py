@@ -142,7 +142,7 @@ def wait_for(true: Callable[[], bool], seconds: float = PATIENCE) -> None:
 def is_road(picture: np.ndarray) -> bool:
     """Whether there is blue sky above and something grey, the road, below."""
     sky, road = picture[60:90, 180:390].reshape(-1, 3).mean(0), picture[430:465, 400:560].reshape(-1, 3)
-    return sky[2] > sky[0] + 30 and float(np.ptp(road.mean(0))) < 30 and road.std() > 3
+    return sky[2] > sky[0] + 30 and float(np.ptp(road.mean(0))) < 25 and road.std() > 3
 
 
 def rows_of(folder: Path) -> list[list[str]]:
