@@ -68,7 +68,7 @@ class DemonstrationConfig:
             ("seed", 0, 1e9),
         ):
             if not least <= getattr(self, name) <= most:
-                raise ValueError(f"{name} {getattr(self, name):g}: takes {least:g} to {most:g}")
+                raise ValueError(f"--{name.replace('_', '-')} {getattr(self, name):g}: takes {least:g} to {most:g}")
 
 
 @dataclass(frozen=True)
