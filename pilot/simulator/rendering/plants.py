@@ -7,9 +7,10 @@ import numpy as np
 from pilot.arrays import Floats
 from pilot.simulator.course import Course, Plant
 from pilot.simulator.rendering.mesh import Mesh
-from pilot.simulator.rendering.terrain import CELL, Nearest, Terrain
+from pilot.simulator.rendering.terrain import CELL, Nearest, Terrain, below_bridges
 
 CLEAR = 2.0  # metres, minimum distance of plants from the road's edge
+TALLEST = 1.5  # largest height of a plant, as a multiple of its kind's
 # texture coordinates of a plant: not up to the borders, where interpolation would mix in the opposite border
 INSIDE = np.array([[0.01, 0.01], [0.99, 0.01], [0.99, 0.98], [0.01, 0.98]])
 SIZES: dict[Plant, tuple[float, float, float]] = {
@@ -56,11 +57,13 @@ def _grow(course: Course, terrain: Terrain, kind: Plant, per_hectare: float, str
     beyond = terrain.sample(terrain.beyond, trials)
     chance = np.where(beyond < 14, 0.6, 0.28) + 0.6 * near.weight("grove") * (near.distance < 60) * (beyond < 40)
     stands = (beyond > max(margin - course.look.verge, CLEAR)) & (random.uniform(size=len(trials)) < chance)
+    ground = terrain.sample(terrain.heights, trials)
+    stands &= below_bridges(course, trials) - ground > TALLEST * height
     if course.water is not None:
-        stands &= terrain.sample(terrain.heights, trials) > course.water + 0.6
+        stands &= ground > course.water + 0.6
     places = trials[stands]
     count = len(places)
-    points = np.column_stack([places, terrain.sample(terrain.heights, places) - 0.15])
+    points = np.column_stack([places, ground[stands] - 0.15])
     scale = random.uniform(0.67, 1.33, count)
     return Plants(
         kind,

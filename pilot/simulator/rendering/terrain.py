@@ -14,6 +14,7 @@ from pilot.simulator.rendering.noise import smooth_noise
 CELL = 3.0  # metres between neighbouring points of the grid
 MARGIN = 110.0  # metres of terrain around the road's bounding box
 LEVEL_BESIDE = 2.0  # metres from the road's edge within which the terrain is level with the road
+CUTTING = 1.5  # steepest slope of the terrain beside a bridge, so that no cliff at its end covers its deck
 BELOW_ROAD = 0.3  # metres between the road and the terrain below it, because the road is a separate mesh
 
 
@@ -68,7 +69,7 @@ def make_terrain(course: Course) -> Terrain:
     east, north = np.meshgrid(low[0] + CELL * np.arange(shape[0]), low[1] + CELL * np.arange(shape[1]))
     random = np.random.default_rng([course.seed, 1])
     near = Nearest(course, np.stack([east, north], axis=-1))
-    heights = _heights(course, near, random)
+    heights = np.minimum(_heights(course, near, random), below_bridges(course, np.stack([east, north], axis=-1)))
     return Terrain(float(low[0]), float(low[1]), heights, _colours(course, near, heights, random), near.beyond)
 
 
@@ -118,6 +119,17 @@ def _heights(course: Course, near: Nearest, random: np.random.Generator) -> Floa
     soft = cv2.GaussianBlur(heights, (0, 0), 3.0)
     heights += (soft - heights) * _smoothstep(near.beyond, 6, 25)
     return np.asarray(np.where(near.beyond < LEVEL_BESIDE, np.minimum(heights, near.road) - BELOW_ROAD, heights))
+
+
+def below_bridges(course: Course, points: Floats) -> Floats:
+    """Return the greatest height at points (... x 2, metres) that leaves the decks of bridges clear."""
+    track, bridges = course.track, np.flatnonzero(course.on_bridge())
+    if not len(bridges):
+        return np.full(points.shape[:-1], np.inf)
+    distance, nearest = KDTree(track.points[bridges, :2]).query(points)
+    beyond = distance - track.half_widths[bridges[nearest]]
+    slope = CUTTING * np.maximum(beyond - LEVEL_BESIDE, 0.0)
+    return np.asarray(track.points[bridges[nearest], 2] - BELOW_ROAD + slope)
 
 
 def _colours(course: Course, near: Nearest, heights: Floats, random: np.random.Generator) -> Floats:
