@@ -17,9 +17,12 @@ class ControllerConfig:
     """Target speed in mph; the car's top speed is 30."""
     slow_in_curves: float = 0.0
     """Relative reduction (0..1) of the target speed at full lock, proportional to the steering; never below 5 mph."""
-    lateral_g: float = 0.45
+    lateral_g: float = 0.35
     """Maximum lateral acceleration in g: in bends the target speed is reduced to what keeps it, but never below 5 mph.
     0: no limit. The tyres hold about 0.95 g."""
+    speed_gain: float = 2.0
+    """How fast the target speed rises again after a bend, in mph per second, because bends seldom come alone and the
+    camera shows the next one late. 0: at once."""
     smoothing: float = 0.1
     """Time constant of the steering filter in s; 0: off. 0.1 halves the steering jerk without loss of accuracy."""
     kp: float = 0.15
@@ -37,7 +40,7 @@ class ControllerConfig:
             raise ValueError(f"--speed {self.speed:g}: must lie in 0..{TOP_SPEED_MPH:g} mph")
         if not 0 <= self.slow_in_curves <= 1:
             raise ValueError(f"--slow-in-curves {self.slow_in_curves:g}: must lie in 0..1")
-        for name in ("lateral_g", "smoothing", "kp", "ki"):
+        for name in ("lateral_g", "speed_gain", "smoothing", "kp", "ki"):
             if not 0 <= getattr(self, name) < math.inf:
                 option = name.replace("_", "-")
                 raise ValueError(f"--{option} {getattr(self, name):g}: must be a number, and not negative")
@@ -49,21 +52,22 @@ class SpeedController:
     Attributes:
         set_speed: target speed in mph before its reduction in curves; may be changed during the drive.
         integral: the integral term, as throttle, -1..1.
+        bend_speed: target speed in mph that the present and the last bends allow.
     """
 
     def __init__(self, config: ControllerConfig) -> None:
         self.config = config
         self.set_speed = config.speed
-        self.integral = 0.0
+        self.reset()
 
     def reset(self) -> None:
-        """Reset the integral, at the beginning of a drive."""
-        self.integral = 0.0
+        """Reset the integral and forget the last bends, at the beginning of a drive."""
+        self.integral, self.bend_speed = 0.0, math.inf
 
     def target_speed(self, steering: float) -> float:
         """Return the target speed in mph for a steering (-1..1): `set_speed`, reduced as configured."""
         slower = self.config.slow_in_curves * min(abs(steering), 1.0)
-        fastest = min(self.set_speed * (1 - slower), self._fastest_in_bend(steering))
+        fastest = min(self.set_speed * (1 - slower), self._fastest_in_bend(steering), self.bend_speed)
         return max(fastest, min(self.set_speed, REVERSE_BELOW_MPH))
 
     def _fastest_in_bend(self, steering: float) -> float:
@@ -72,6 +76,11 @@ class SpeedController:
         if self.config.lateral_g == 0 or curvature == 0:
             return math.inf
         return math.sqrt(self.config.lateral_g * GRAVITY / curvature) / MPH
+
+    def _remember_bend(self, steering: float, seconds: float) -> None:
+        """Lower `bend_speed` to what the present bend allows, or raise it by the configured gain."""
+        risen = self.bend_speed + self.config.speed_gain * seconds if self.config.speed_gain else math.inf
+        self.bend_speed = min(risen, self._fastest_in_bend(steering))
 
     def throttle(self, speed: float, steering: float, seconds: float) -> float:
         """Return the throttle (-1..1).
@@ -84,8 +93,10 @@ class SpeedController:
             steering: -1..1.
             seconds: since the last call.
         """
+        seconds = min(max(seconds, 0.0), LONGEST_STEP)
+        self._remember_bend(steering, seconds)
         error = self.target_speed(steering) - speed
-        grown = self.integral + self.config.ki * error * min(max(seconds, 0.0), LONGEST_STEP)
+        grown = self.integral + self.config.ki * error * seconds
         wanted = self.config.kp * error + grown
         if -1 <= wanted <= 1 or abs(grown) < abs(self.integral):
             self.integral = min(max(grown, -1.0), 1.0)

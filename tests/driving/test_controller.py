@@ -87,3 +87,19 @@ def test_slows_down_to_what_the_tyres_hold() -> None:
     assert SpeedController(ControllerConfig(speed=3, lateral_g=0.01)).target_speed(1.0) == 3
     with pytest.raises(ValueError, match="--lateral-g -1"):
         ControllerConfig(lateral_g=-1).check()
+
+
+def test_speeds_up_slowly_after_a_bend() -> None:
+    slow, at_once = (SpeedController(ControllerConfig(speed=30, speed_gain=gain)) for gain in (2.0, 0.0))
+    for controller in (slow, at_once):
+        assert controller.target_speed(0.0) == 30
+        controller.throttle(20.0, -0.8, 0.1)
+    in_bend = slow.target_speed(0.0)
+    assert in_bend == slow.target_speed(-0.8) < 15
+    for _ in range(10):
+        slow.throttle(20.0, 0.0, 0.1)
+        at_once.throttle(20.0, 0.0, 0.1)
+        assert at_once.target_speed(0.0) == 30
+    assert slow.target_speed(0.0) == pytest.approx(in_bend + 2.0)
+    slow.reset()
+    assert slow.target_speed(0.0) == 30
