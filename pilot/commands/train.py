@@ -116,14 +116,17 @@ def has_own_recordings(folder: Path) -> bool:
 def parse_options(arguments: Sequence[str]) -> TrainingConfig:
     """Return the training options: those of the recipe or the interrupted training, overridden by `arguments`.
 
+    The network is that of the model to start from, if any.
+
     Raises:
-        UnusableModel: there is no interrupted training to resume, or its state is damaged.
+        UnusableModel: there is no interrupted training to resume, or its state or the model to start from is damaged.
         ValueError: there is no such recipe, or an option must not change on --resume.
     """
     early = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     early.add_argument("--recipe")
     early.add_argument("--data", action="append")
     early.add_argument("--resume", action="store_true")
+    early.add_argument("--start", type=Path)
     early.add_argument("--out", type=Path, default=TrainingConfig.out)
     first, _ = early.parse_known_args(arguments)
     if first.resume:
@@ -132,7 +135,14 @@ def parse_options(arguments: Sequence[str]) -> TrainingConfig:
     recipe = first.recipe or ("default" if own else "built-in")
     if recipe not in RECIPES:
         raise ValueError(f"--recipe {recipe}: there are {', '.join(RECIPES)}")
-    return tyro.cli(TrainingConfig, prog=PROGRAM, args=arguments, default=RECIPES[recipe])
+    options = _with_network_of(first.start, RECIPES[recipe]) if first.start else RECIPES[recipe]
+    return tyro.cli(TrainingConfig, prog=PROGRAM, args=arguments, default=options)
+
+
+def _with_network_of(start: Path, options: TrainingConfig) -> TrainingConfig:
+    from pilot.model.checkpoint import load_model
+
+    return dataclasses.replace(options, network=load_model(start).name)
 
 
 def _resumed_options(arguments: Sequence[str], out: Path) -> TrainingConfig:

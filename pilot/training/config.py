@@ -27,7 +27,7 @@ class TrainingConfig:
     resume: bool = False
     """Resume the interrupted training of this --out with its options."""
     start: Path | None = None
-    """Model to fine-tune, such as models/built_in.pt, instead of starting from random weights."""
+    """Model to fine-tune, such as models/built_in.pt, instead of starting from random weights; decides the network."""
     network: Annotated[str, tyro.conf.arg(help=f"Network to train: {', '.join(network_names())}.")] = "pilotnet"
     epochs: int = 15
     """Maximum number of epochs."""

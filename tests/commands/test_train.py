@@ -67,6 +67,16 @@ def test_trains_and_says_where_the_model_is_and_how_good(recording: Recording, t
     assert any(path.name.startswith("events.out.tfevents") for path in report.iterdir())
 
 
+def test_fine_tunes_a_model_with_its_own_network(
+    recording: Recording, tmp_path: Path, train: Callable[..., str]
+) -> None:
+    recording(moments=60)
+    save_model(tmp_path / "first.pt", Model("lenet5", build_network("lenet5", 1), {}, {}, {}))
+    train("--data", "laps", "--start", "first.pt", "--epochs", "1", "--samples.block-seconds", "1")
+    assert load_model(tmp_path / "model.pt").name == "lenet5"
+    assert "nothing.pt" in train("--data", "laps", "--start", "nothing.pt", fails=True)
+
+
 def started(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     """A training that has begun its second epoch."""
     pipe = subprocess.PIPE
