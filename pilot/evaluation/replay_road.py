@@ -102,8 +102,8 @@ def _edges(stripes: Floats) -> Floats:
     edges[REACH:-REACH] = (sums[2 * REACH : -1] - 2 * sums[REACH : -REACH - 1] + sums[: -2 * REACH - 1]) / (
         REACH * STRONG
     )
-    remaining_names = np.convolve(np.isnan(stripes[:, 0]), np.ones(2 * REACH + 1), "same") > 0
-    edges[remaining_names] = 0
+    hidden = np.convolve(np.isnan(stripes[:, 0]), np.ones(2 * REACH + 1), "same") > 0
+    edges[hidden] = 0
     return np.asarray(edges / np.maximum(np.linalg.norm(edges, axis=1, keepdims=True), 1))
 
 

@@ -7,7 +7,14 @@ from pilot.model.inference import fast_forward, fold_dense
 from pilot.model.networks import network_names
 from pilot.model.networks.pilotnet import PilotNet
 
-COUNTS = {"nvidia": 2_712_951, "pilotnet": 252_219, "lenet": 723_091, "simplenet": 183_683, "densenet": 187_469}
+COUNTS = {
+    "nvidia": 2_712_951,
+    "pilotnet": 252_219,
+    "pilotnet_standardised": 252_219,
+    "lenet": 723_091,
+    "simplenet": 183_683,
+    "densenet": 187_469,
+}
 
 
 @pytest.mark.parametrize(("name", "count"), COUNTS.items())
@@ -59,6 +66,16 @@ def test_simplenet_standardises_each_picture() -> None:
     torch.testing.assert_close(pixels.mean((1, 2, 3)), torch.zeros(2), atol=1e-4, rtol=0)
     torch.testing.assert_close(pixels.std((1, 2, 3)), torch.ones(2), atol=1e-3, rtol=0)
     assert torch.isfinite(build_network("simplenet").prepare(torch.full((1, 3, 76, 320), 7.0))).all()
+
+
+def test_standardised_pilotnet_ignores_exposure_and_contrast() -> None:
+    network = build_network("pilotnet_standardised", 1).eval()
+    frames = torch.randint(100, 156, (2, 160, 320, 3), dtype=torch.uint8)
+    brighter, stronger = frames + 60, (frames - 100) * 2 + 60
+    with torch.inference_mode():
+        torch.testing.assert_close(network(brighter), network(frames), atol=1e-4, rtol=0)
+        torch.testing.assert_close(network(stronger), network(frames), atol=0.006, rtol=0)
+        assert torch.isfinite(network(torch.zeros_like(frames))).all()
 
 
 def test_same_seed_same_weights() -> None:
