@@ -44,7 +44,7 @@ def row(title: str, names: Sequence[str], count: int) -> str:
 
 def main() -> None:
     """Print the table."""
-    print("| both ways round | laps | departures | offset from the lane's middle, m: mean | 95 % | largest | mph |")
+    print("| both directions | laps | road departures | cross-track error, m: mean | 95 % | max | mph |")
     print("|---|---:|---:|---:|---:|---:|---:|")
     for name in track_names():
         print(row(name, [name], 10), flush=True)

@@ -13,7 +13,7 @@ LAYOUT = """
     r+ R20 2S r R20+ R20+ S R10 L10 L10 r L20 R20 2S L20- R20- r- r- S r+ l+ R20+ R20 5S r- S L10 L10 r-
 """
 ENTRY = (56.0, -64.0, -80.0)  # x, y, z of the first piece, metres
-START = 773.5  # metres from the first piece to the start line
+START = 774.5  # metres from the first piece to the start line
 TERRAIN: list[tuple[Roadside, float, float, int, float, float, float]] = [
     ("cliff", 0, 82, -1, 15, 8, 8),
     ("drop", 0, 94, 1, -15, 6, 14),
