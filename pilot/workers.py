@@ -13,6 +13,7 @@ from multiprocessing.process import BaseProcess
 from types import FrameType
 from typing import TypeVar
 
+GRACE_SECONDS = 5.0  # for a task to clean up after itself
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
@@ -81,7 +82,10 @@ def _end(workers: set[BaseProcess]) -> None:
     for worker in workers:
         worker.terminate()
     for worker in workers:
-        worker.join()
+        worker.join(GRACE_SECONDS)
+        if worker.is_alive():  # the SystemExit was lost, as it is in a finaliser or in a callback of a C++ library
+            worker.kill()
+            worker.join()
 
 
 def _begin(set_up: Callable[[], None] | None) -> None:

@@ -30,6 +30,17 @@ def fail(number: int) -> int:
     return number
 
 
+def hold_on(number: int) -> int:
+    """Go on for ever, as a task whose SystemExit is lost in a callback."""
+    while number:
+        try:
+            time.sleep(60)
+        except SystemExit:
+            continue
+    time.sleep(2)
+    raise ValueError("zero")
+
+
 def note(folder: Path) -> None:
     (folder / str(os.getpid())).touch()
 
@@ -57,6 +68,13 @@ def test_a_killed_worker_is_an_error_at_once_and_not_a_wait_for_ever() -> None:
 def test_an_error_ends_the_other_tasks() -> None:
     with pytest.raises(ValueError, match="task 1 cannot be done"):
         dict(run_tasks(fail, [1, 2], 2))
+    assert ended()
+
+
+def test_a_task_that_does_not_end_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pilot.workers.GRACE_SECONDS", 0.5)
+    with pytest.raises(ValueError, match="zero"):
+        list(run_tasks(hold_on, [0, 1], 2))
     assert ended()
 
 
