@@ -47,7 +47,9 @@ def test_headings_and_curvatures_are_those_of_the_points(piece: str) -> None:
     headings = np.arctan2(steps[:, 0], steps[:, 1])
     assert curve[:-1, 3] == pytest.approx(headings, abs=0.02)
     turns = np.diff(headings) / np.linalg.norm(steps[1:], axis=1)
-    assert np.quantile(np.abs(curve[1:-1, 4] - turns), 0.98) < 0.01  # curvature jumps where arcs end
+    within = (curve[:-2, 4] == curve[1:-1, 4]) & (curve[1:-1, 4] == curve[2:, 4])  # curvature jumps where arcs end
+    assert (~within).sum() <= 4
+    assert curve[1:-1, 4][within] == pytest.approx(turns[within], abs=0.01)
 
 
 @pytest.mark.parametrize("layout", ["X20", "S5 r3x", "20"])

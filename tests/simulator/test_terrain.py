@@ -1,4 +1,4 @@
-"""The land leaves the road visible."""
+"""The terrain leaves the road visible."""
 
 import pytest
 from scipy.spatial import KDTree
@@ -11,7 +11,7 @@ WITH_BRIDGES = ("lake", "jungle", "random:3000", "random:3014")
 
 
 @pytest.mark.parametrize("name", WITH_BRIDGES)
-def test_neither_land_nor_plants_cover_a_bridge(name: str) -> None:
+def test_neither_terrain_nor_plants_cover_a_bridge(name: str) -> None:
     course = load_course(name)
     terrain = make_terrain(course)
     track, on_bridge = course.track, course.on_bridge()

@@ -10,7 +10,7 @@ from pilot.simulator.rendering.mesh import Mesh
 from pilot.simulator.rendering.terrain import CELL, Nearest, Terrain, below_bridges
 
 CLEAR = 2.0  # metres, minimum distance of plants from the road's edge
-TALLEST = 1.5  # largest height of a plant, as a multiple of its kind's
+TALLEST = 1.5  # approximate largest height of a plant, as a multiple of its kind's
 # texture coordinates of a plant: not up to the borders, where interpolation would mix in the opposite border
 INSIDE = np.array([[0.01, 0.01], [0.99, 0.01], [0.99, 0.98], [0.01, 0.98]])
 SIZES: dict[Plant, tuple[float, float, float]] = {
@@ -53,7 +53,7 @@ def _grow(course: Course, terrain: Terrain, kind: Plant, per_hectare: float, str
     margin, width, height = SIZES[kind]
     area = terrain.heights.size * CELL**2
     trials = terrain.corner + terrain.size * random.uniform(0, 1, (int(4 * per_hectare * area / 1e4), 2))
-    near = Nearest(course, trials)
+    near = Nearest(course, trials, ~course.on_bridge())
     beyond = terrain.sample(terrain.beyond, trials)
     chance = np.where(beyond < 14, 0.6, 0.28) + 0.6 * near.weight("grove") * (near.distance < 60) * (beyond < 40)
     stands = (beyond > max(margin - course.look.verge, CLEAR)) & (random.uniform(size=len(trials)) < chance)

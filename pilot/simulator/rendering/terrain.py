@@ -68,13 +68,14 @@ def make_terrain(course: Course) -> Terrain:
     shape = np.ceil((course.track.points[:, :2].max(0) + MARGIN - low) / CELL).astype(int) + 1
     east, north = np.meshgrid(low[0] + CELL * np.arange(shape[0]), low[1] + CELL * np.arange(shape[1]))
     random = np.random.default_rng([course.seed, 1])
-    near = Nearest(course, np.stack([east, north], axis=-1))
-    heights = np.minimum(_heights(course, near, random), below_bridges(course, np.stack([east, north], axis=-1)))
+    points = np.stack([east, north], axis=-1)
+    near = Nearest(course, points, ~course.on_bridge())
+    heights = np.minimum(_heights(course, near, random), below_bridges(course, points))
     return Terrain(float(low[0]), float(low[1]), heights, _colours(course, near, heights, random), near.beyond)
 
 
 class Nearest:
-    """The nearest point of the road on the ground, which excludes bridges, for each of an array of points.
+    """The nearest point of a part of the road, such as that on the ground, for each of an array of points.
 
     Attributes:
         distance: from the road's centre line, metres.
@@ -82,12 +83,12 @@ class Nearest:
         road: height of the road at its nearest point, metres.
     """
 
-    def __init__(self, course: Course, points: Floats) -> None:
-        """Find the nearest points of the road for points (... x 2, metres)."""
+    def __init__(self, course: Course, points: Floats, part: NDArray[np.bool_]) -> None:
+        """Find the nearest points of a part of the road (mask of the track's points) for points (... x 2, metres)."""
         self._course, track = course, course.track
-        grounded = np.flatnonzero(~course.on_bridge())
-        self.distance, nearest = KDTree(track.points[grounded, :2]).query(points)
-        self._index = grounded[nearest]
+        indices = np.flatnonzero(part)
+        self.distance, nearest = KDTree(track.points[indices, :2]).query(points)
+        self._index = indices[nearest]
         heading = track.headings[self._index]
         away = points - track.points[self._index, :2]
         self._right: NDArray[np.bool_] = away[..., 0] * np.cos(heading) - away[..., 1] * np.sin(heading) > 0
@@ -123,13 +124,11 @@ def _heights(course: Course, near: Nearest, random: np.random.Generator) -> Floa
 
 def below_bridges(course: Course, points: Floats) -> Floats:
     """Return the greatest height at points (... x 2, metres) that leaves the decks of bridges clear."""
-    track, bridges = course.track, np.flatnonzero(course.on_bridge())
-    if not len(bridges):
+    bridges = course.on_bridge()
+    if not bridges.any():
         return np.full(points.shape[:-1], np.inf)
-    distance, nearest = KDTree(track.points[bridges, :2]).query(points)
-    beyond = distance - track.half_widths[bridges[nearest]]
-    slope = CUTTING * np.maximum(beyond - LEVEL_BESIDE, 0.0)
-    return np.asarray(track.points[bridges[nearest], 2] - BELOW_ROAD + slope)
+    near = Nearest(course, points, bridges)
+    return np.asarray(near.road - BELOW_ROAD + CUTTING * np.maximum(near.beyond - LEVEL_BESIDE, 0.0))
 
 
 def _colours(course: Course, near: Nearest, heights: Floats, random: np.random.Generator) -> Floats:
