@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from pilot.arrays import Floats
 from pilot.simulator.course import Course
+from pilot.simulator.rendering.detail import SIZES, corners_of_squares
 from pilot.simulator.rendering.mesh import Mesh
 from pilot.simulator.rendering.terrain import Terrain
 from pilot.simulator.rendering.textures import MEAN
@@ -14,23 +14,27 @@ WATER = (190, 206, 212)  # RGB
 
 def ground_meshes(course: Course, terrain: Terrain) -> list[Mesh]:
     """Create the meshes of the ground and, if the course has a lake, of the water."""
-    points = np.dstack([terrain.grid, terrain.heights])
-    # quads completely below the road are never visible
-    seen = _quads(terrain.beyond[..., None]).max(axis=(1, 2)) > -2.5
-    corners = _quads(points)[seen]
-    colours = _quads(terrain.colours / MEAN["ground"])[seen]
-    ground = Mesh("ground", corners, colours, corners[:, :, :2] / TILE)
-    return [ground] if course.water is None else [ground, _water(course.water, terrain)]
+    meshes = []
+    for size in (1, *SIZES):
+        meshes.append(_ground(terrain, size))
+        if course.water is not None:
+            meshes.append(_water(course.water, terrain, size))
+    return meshes
 
 
-def _quads(grid: Floats) -> Floats:
-    """Return the values of a grid (rows x columns x k) at the four corners of each cell: n x 4 x k."""
-    cells = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2)
-    return np.asarray(cells.reshape(-1, 4, grid.shape[2]))
+def _ground(terrain: Terrain, size: int) -> Mesh:
+    """Create the mesh of the ground's squares of a size."""
+    points = corners_of_squares(np.dstack([terrain.grid, terrain.heights]), terrain.square_sizes, size)
+    colours = corners_of_squares(terrain.colours / MEAN["ground"], terrain.square_sizes, size)
+    beyond = corners_of_squares(terrain.beyond[..., None], terrain.square_sizes, size)
+    seen = beyond.max(axis=(1, 2)) > -2.5  # squares completely below the road are never visible
+    return Mesh("ground", points[seen], colours[seen], points[seen][:, :, :2] / TILE)
 
 
-def _water(level: float, terrain: Terrain) -> Mesh:
-    low = _quads(terrain.heights[..., None]).min(axis=(1, 2)) < level
-    corners = _quads(np.dstack([terrain.grid, np.full(terrain.heights.shape, level)]))[low]
+def _water(level: float, terrain: Terrain, size: int) -> Mesh:
+    """Create the mesh of the water's squares of a size."""
+    points = corners_of_squares(np.dstack([terrain.grid, terrain.heights]), terrain.square_sizes, size)
+    corners = points[points[..., 2].min(axis=1) < level]
+    corners[..., 2] = level
     colours = np.broadcast_to(np.array(WATER, float) / MEAN["concrete"], corners.shape)
     return Mesh("concrete", corners, colours, corners[:, :, :2] / 40.0)

@@ -9,6 +9,7 @@ from pilot.simulator.course import Course, Plant
 from pilot.simulator.rendering.mesh import Mesh
 from pilot.simulator.rendering.terrain import CELL, Nearest, Terrain, below_bridges
 
+BUSHES_WITHIN = 40.0  # metres from the road's edge; farther away they are too small to be seen
 CLEAR = 2.0  # metres, minimum distance of plants from the road's edge
 TALLEST = 1.5  # approximate largest height of a plant, as a multiple of its kind's
 # texture coordinates of a plant: not up to the borders, where interpolation would mix in the opposite border
@@ -59,6 +60,8 @@ def _grow(course: Course, terrain: Terrain, kind: Plant, per_hectare: float, str
     stands = (beyond > max(margin - course.look.verge, CLEAR)) & (random.uniform(size=len(trials)) < chance)
     ground = terrain.sample(terrain.heights, trials)
     stands &= below_bridges(course, trials) - ground > TALLEST * height
+    if kind == "bush":
+        stands &= beyond < BUSHES_WITHIN
     if course.water is not None:
         stands &= ground > course.water + 0.6
     places = trials[stands]

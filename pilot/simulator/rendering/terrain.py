@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 
 from pilot.arrays import Floats
 from pilot.simulator.course import DIRT, Course, Roadside, RoadsideSection
+from pilot.simulator.rendering.detail import LARGEST, Sizes, flattened, square_sizes
 from pilot.simulator.rendering.noise import smooth_noise
 
 CELL = 3.0  # metres between neighbouring points of the grid
@@ -27,6 +28,7 @@ class Terrain:
         heights: rows x columns, metres; rows run from south to north, columns from west to east.
         colours: rows x columns x 3, RGB, 0..255.
         beyond: distance from the road's edge, rows x columns, metres; negative on the road.
+        square_sizes: of the square of cells that each cell is drawn with, see `detail`; rows - 1 x columns - 1.
     """
 
     west: float
@@ -34,6 +36,7 @@ class Terrain:
     heights: Floats
     colours: Floats
     beyond: Floats
+    square_sizes: Sizes
 
     @property
     def grid(self) -> Floats:
@@ -65,13 +68,16 @@ class Terrain:
 def make_terrain(course: Course) -> Terrain:
     """Generate the terrain of a course; deterministic."""
     low = course.track.points[:, :2].min(0) - MARGIN
-    shape = np.ceil((course.track.points[:, :2].max(0) + MARGIN - low) / CELL).astype(int) + 1
+    extent = course.track.points[:, :2].max(0) + MARGIN - low
+    shape = LARGEST * np.ceil(extent / CELL / LARGEST).astype(int) + 1
     east, north = np.meshgrid(low[0] + CELL * np.arange(shape[0]), low[1] + CELL * np.arange(shape[1]))
     random = np.random.default_rng([course.seed, 1])
     points = np.stack([east, north], axis=-1)
     near = Nearest(course, points, ~course.on_bridge())
-    heights = np.minimum(_heights(course, near, random), below_bridges(course, points))
-    return Terrain(float(low[0]), float(low[1]), heights, _colours(course, near, heights, random), near.beyond)
+    sizes = square_sizes(_distance_from_road(course, low, near.beyond.shape))
+    heights = flattened(np.minimum(_heights(course, near, random), below_bridges(course, points)), sizes)
+    colours = _colours(course, near, heights, random)
+    return Terrain(float(low[0]), float(low[1]), heights, colours, near.beyond, sizes)
 
 
 class Nearest:
@@ -120,6 +126,14 @@ def _heights(course: Course, near: Nearest, random: np.random.Generator) -> Floa
     soft = cv2.GaussianBlur(heights, (0, 0), 3.0)
     heights += (soft - heights) * _smoothstep(near.beyond, 6, 25)
     return np.asarray(np.where(near.beyond < LEVEL_BESIDE, np.minimum(heights, near.road) - BELOW_ROAD, heights))
+
+
+def _distance_from_road(course: Course, low: Floats, shape: tuple[int, ...]) -> Floats:
+    """Return the distance (metres, to about a cell) of the grid's points from the road, on the ground or on bridges."""
+    free = np.ones(shape, np.uint8)
+    columns, rows = np.round((course.track.points[:, :2] - low) / CELL).astype(int).T
+    free[rows, columns] = 0
+    return np.asarray(CELL * cv2.distanceTransform(free, cv2.DIST_L2, 5), float)
 
 
 def below_bridges(course: Course, points: Floats) -> Floats:
