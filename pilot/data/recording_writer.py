@@ -1,4 +1,4 @@
-"""Writing of recordings as the Unity simulator does: the images of three cameras and driving_log.csv."""
+"""Writing of recordings as the Unity simulator does: the images of its cameras and driving_log.csv."""
 
 import errno
 import math
@@ -17,7 +17,7 @@ RECORDING_RATE = 15.0  # rows per second, as the Unity simulator records
 
 
 class RecordingWriter:
-    """Appends rows to a recording: images of three cameras and lines of driving_log.csv.
+    """Appends rows to a recording: images of the cameras and lines of driving_log.csv.
 
     Attributes:
         rows: number of rows written so far.
@@ -55,7 +55,8 @@ class RecordingWriter:
         """Write the row of one time step.
 
         Args:
-            frames: frames of the three cameras by camera name: 160x320x3, uint8 RGB.
+            frames: frames by camera name, 160x320x3 uint8 RGB each; in the log, the names of images of left and right
+                cameras that are not given remain empty.
             seconds: time since the recording was opened; determines the time in the images' names.
             command: steering and throttle, -1..1 each; a negative throttle is written as brake.
             speed: mph.
@@ -65,12 +66,12 @@ class RecordingWriter:
             OSError: the row cannot be written, as on a full disk; the rows before it remain, and nothing of this one.
         """
         stamp = time_stamp(self.start + timedelta(seconds=seconds))
-        names = [f"{camera}_{stamp}.jpg" for camera in CAMERAS]
-        images = [self.folder / "IMG" / name for name in names]
-        listed = [str(self.listed_as / "IMG" / name) for name in names]
+        names = {camera: f"{camera}_{stamp}.jpg" for camera in CAMERAS if camera in frames}
+        images = [self.folder / "IMG" / name for name in names.values()]
+        listed = [str(self.listed_as / "IMG" / names[camera]) if camera in names else "" for camera in CAMERAS]
         end = os.fstat(self._log.fileno()).st_size
         try:
-            for camera, image in zip(CAMERAS, images, strict=True):
+            for camera, image in zip(names, images, strict=True):
                 image.write_bytes(encode_frame(frames[camera], quality))
             self._append(format_line(listed, *command, speed).encode())
         except OSError as error:

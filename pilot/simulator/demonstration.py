@@ -5,6 +5,7 @@ import math
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -38,6 +39,8 @@ class DemonstrationConfig:
             and each recovery leads to the nearest of these lines. On a road with two lanes, they reach across its
             middle. People, too, keep to the line that they are on, and correct it only towards the road's edges.
         wander: Standard deviation in metres of a random deviation from the line; imitates a person.
+        cameras: Cameras to record: all three, as the Unity simulator does, or the centre camera only, which takes less
+            time and disk space per row.
         vary_cameras: Vary the cameras' height and pitch, the exposure, the tint and the JPEG quality at random in each
             row, so that a network does not depend on them.
         seed: Seed of the random generators.
@@ -49,6 +52,7 @@ class DemonstrationConfig:
     speed: float = 30.0
     line_spread: float = 0.0
     wander: float = 0.0
+    cameras: Literal["all", "center"] = "all"
     vary_cameras: bool = False
     seed: int = 0
 

@@ -58,7 +58,7 @@ def record(
         OSError: the folder cannot be written to.
     """
     config.check()
-    with Simulator(CAMERAS) as simulator:
+    with Simulator(CAMERAS if config.cameras == "all" else CAMERAS[:1]) as simulator:
         simulator.reset(track, light=light)
         with RecordingWriter(folder, listed_as) as writer:
             episode = simulator.episode
