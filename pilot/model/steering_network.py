@@ -4,6 +4,7 @@ Preprocessing is part of each network, so that training and driving always use t
 """
 
 import itertools
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
@@ -68,12 +69,13 @@ class Standardised(SteeringNetwork):
         return (pixels - mean) / deviation.clamp_min((3 * 128 * 128) ** -0.5)
 
 
-def nvidia_convolutions() -> list[nn.Module]:
-    """Return NVIDIA's five convolutions (arXiv 1604.07316), each followed by a ReLU."""
-    shapes = [(3, 24, 5, 2), (24, 36, 5, 2), (36, 48, 5, 2), (48, 64, 3, 1), (64, 64, 3, 1)]
+def nvidia_convolutions(maps: Sequence[int] = (24, 36, 48, 64, 64)) -> list[nn.Module]:
+    """Return NVIDIA's five convolutions (arXiv 1604.07316), each followed by a ReLU; `maps` are their outputs."""
     layers: list[nn.Module] = []
-    for channels, maps, size, stride in shapes:
-        layers += [nn.Conv2d(channels, maps, size, stride), nn.ReLU(inplace=True)]
+    for (before, after), (size, stride) in zip(
+        itertools.pairwise([3, *maps]), [(5, 2), (5, 2), (5, 2), (3, 1), (3, 1)], strict=True
+    ):
+        layers += [nn.Conv2d(before, after, size, stride), nn.ReLU(inplace=True)]
     return layers
 
 

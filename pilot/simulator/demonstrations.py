@@ -3,6 +3,7 @@
 import functools
 import shutil
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +23,14 @@ from pilot.workers import run_tasks
 # The built-in training data, used if there are no recordings by a person: named tracks in both directions, random
 # tracks alternately in one and the other.
 # No wandering, so that the steering depends only on what the image shows; recoveries show how to return to the lane.
-NAMED_TRACKS = DemonstrationConfig(laps=4, recoveries=150, rate=0.5, line_spread=0.3)
-# few rows from each of many tracks
-RANDOM_TRACKS = DemonstrationConfig(laps=1, recoveries=20, rate=0.4, line_spread=0.3, vary_cameras=True)
+# Many different rows in little time: the centre camera only, and so few rows per second that a recovery consists of
+# the row at its start, because two rows of one recovery teach less than those of two recoveries.
+NAMED_TRACKS = DemonstrationConfig(laps=4, recoveries=500, rate=0.4, line_spread=0.3, cameras="center")
+JUNGLE = replace(NAMED_TRACKS, laps=6, recoveries=1200)  # the longest track and the one with the most bends
+RANDOM_TRACKS = replace(NAMED_TRACKS, laps=1, recoveries=120, vary_cameras=True)
 DEMONSTRATIONS: dict[str, DemonstrationConfig] = {
     **dict.fromkeys(both_ways(track_names()), NAMED_TRACKS),
+    **dict.fromkeys(both_ways(["jungle"]), JUNGLE),
     **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_TRACKS for seed in range(1000, 1130)},
 }
 

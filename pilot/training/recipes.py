@@ -74,12 +74,12 @@ _REPORT_RECIPES: dict[str, TrainingConfig] = {
 _BUILT_IN = TrainingConfig(
     recipe="built-in",
     network="pilotnet_standardised",
-    epochs=6,
+    epochs=9,
     batch_size=32,
     learning_rate=1.4e-3,
     warm_up=200,
     l2=1e-6,
-    samples=SampleConfig(side_rule="pursuit"),
+    samples=SampleConfig(side_rule="pursuit", validation_share=0.1),
     augment=AugmentConfig(flip=0, brightness=0, shadow=0, viewpoint_lookahead=None, saturation=0.25),
 )
 RECIPES: dict[str, TrainingConfig] = {"default": TrainingConfig(), "built-in": _BUILT_IN, **_REPORT_RECIPES}

@@ -10,7 +10,7 @@ from pilot.model.networks.pilotnet import PilotNet
 COUNTS = {
     "nvidia": 2_712_951,
     "pilotnet": 252_219,
-    "pilotnet_standardised": 252_219,
+    "pilotnet_standardised": 260_039,
     "lenet": 723_091,
     "simplenet": 183_683,
     "densenet": 187_469,

@@ -8,15 +8,20 @@ from pilot.model.steering_network import SteeringNetwork, dense, nvidia_convolut
 
 
 class PilotNet(SteeringNetwork):
-    """NVIDIA's network (arXiv 1604.07316) with 66x200 YUV input, 252,219 parameters."""
+    """NVIDIA's network (arXiv 1604.07316) with 66x200 YUV input, 252,219 parameters.
 
+    Attributes:
+        maps: number of feature maps of each convolution.
+    """
+
+    maps: tuple[int, ...] = (24, 36, 48, 64, 64)
     colours: Tensor
     shift: Tensor
 
     def __init__(self) -> None:
         super().__init__()
         head = dense(1152, 100, 50, 10, 1, activation=nn.ReLU)
-        self.layers = nn.Sequential(*nvidia_convolutions(), nn.Flatten(), *head)
+        self.layers = nn.Sequential(*nvidia_convolutions(self.maps), nn.Flatten(), *head)
         yuv = torch.tensor([[0.299, 0.587, 0.114], [-0.147, -0.289, 0.436], [0.615, -0.515, -0.100]])
         self.register_buffer("colours", yuv[:, :, None, None] / 127.5, persistent=False)
         self.register_buffer("shift", -yuv.sum(1), persistent=False)
