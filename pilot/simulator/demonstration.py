@@ -17,7 +17,9 @@ from pilot.vehicle import MPH, TICK, TOP_SPEED_MPH
 
 LONGEST_RECOVERY = 2.4  # s
 RECOVERY_METRES = 20.0  # approximate length of a recovery, for the progress bar
-RECOVERY_HEADING = math.radians(9.0)  # standard deviation of the heading error at the start
+# Range of the standard deviation of the heading error at the start: small errors are the most frequent, but in a hairpin
+# a car that turns in 3 m late is already 17 degrees off.
+RECOVERY_HEADINGS = (math.radians(3.0), math.radians(18.0))
 RECOVERY_AHEAD = 5.0  # metres before a bend where recoveries from it start
 RECOVERED = (0.15, math.radians(1.0))  # limits of cross-track error (metres) and heading error (radians) at the end
 
@@ -138,7 +140,7 @@ def _displaced(episode: Episode, number: int, config: DemonstrationConfig) -> Ex
     track = episode.track
     start = _recovery_start(track, (number + float(random.uniform())) / config.recoveries)
     edge = track.largest_offset
-    offset, heading = float(random.uniform(-edge, edge)), float(random.normal(0, RECOVERY_HEADING))
+    offset, heading = float(random.uniform(-edge, edge)), float(random.normal(0, random.uniform(*RECOVERY_HEADINGS)))
     expert = Expert(episode, config.speed, float(np.clip(offset, *lines(track, config.line_spread))))
     episode.place(start, offset - track.lane, heading)
     fastest = expert.allowed_speed() / MPH

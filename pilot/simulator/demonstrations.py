@@ -27,7 +27,7 @@ from pilot.workers import run_tasks
 # the row at its start, because two rows of one recovery teach less than those of two recoveries.
 NAMED_TRACKS = DemonstrationConfig(laps=4, recoveries=500, rate=0.4, line_spread=0.3, cameras="center")
 JUNGLE = replace(NAMED_TRACKS, laps=6, recoveries=1200)  # the longest track and the one with the most bends
-RANDOM_TRACKS = replace(NAMED_TRACKS, laps=1, recoveries=120, vary_cameras=True)
+RANDOM_TRACKS = replace(NAMED_TRACKS, laps=1, recoveries=130, vary_cameras=True)
 DEMONSTRATIONS: dict[str, DemonstrationConfig] = {
     **dict.fromkeys(both_ways(track_names()), NAMED_TRACKS),
     **dict.fromkeys(both_ways(["jungle"]), JUNGLE),
