@@ -17,8 +17,8 @@ from pilot.vehicle import MPH, TICK, TOP_SPEED_MPH
 
 LONGEST_RECOVERY = 2.4  # s
 RECOVERY_METRES = 20.0  # approximate length of a recovery, for the progress bar
-# Range of the standard deviation of the heading error at the start: small errors are the most frequent, but in a hairpin
-# a car that turns in 3 m late is already 17 degrees off.
+# Range of the standard deviation of the heading error at the start: small errors are the most frequent, but a car that
+# turns into a hairpin 3 m too late is already 17 degrees off.
 RECOVERY_HEADINGS = (math.radians(3.0), math.radians(18.0))
 RECOVERY_AHEAD = 5.0  # metres before a bend where recoveries from it start
 RECOVERED = (0.15, math.radians(1.0))  # limits of cross-track error (metres) and heading error (radians) at the end

@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -40,6 +41,15 @@ def test_writes_what_the_real_simulator_writes(tmp_path: Path) -> None:
     frame = cv2.imread(lines[5].split(",")[1])
     assert frame.shape == (160, 320, 3)
     assert len(list((tmp_path / "laps" / "IMG").iterdir())) == 3 * rows
+
+
+def test_the_centre_camera_alone_is_recorded_if_asked_for(tmp_path: Path) -> None:
+    rows = demonstrations.record("lake", replace(SHORT, cameras="center"), tmp_path)
+    assert len(list((tmp_path / "IMG").iterdir())) == rows
+    log = read_driving_logs([tmp_path], quiet).rows
+    assert len(log) == rows
+    assert log["center"].str.contains("center_").all()
+    assert (log[["left", "right"]] == "").all(axis=None)
 
 
 def test_is_read_like_any_recording_at_the_rate_asked_for(tmp_path: Path) -> None:
