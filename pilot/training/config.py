@@ -50,10 +50,12 @@ class TrainingConfig:
     learning rate the error converges only in the last epochs."""
     min_delta: float = 1e-5
     """Minimum decrease of the validation error that counts as an improvement."""
-    select: Literal["error", "driving", "replay"] = "error"
-    """Criterion for the epoch that is kept: lowest validation error; best driving on short sections of unseen random
-    tracks (for training on the built-in simulator's recordings); or best driving in replays of the validation blocks.
-    For driving and replay, the epoch with the lowest error is also kept, in the folder of the metrics."""
+    select: Literal["error", "last", "driving", "replay"] = "error"
+    """Criterion for the epoch that is kept: lowest validation error; the last one, if the validation set is so
+    small that the error's noise exceeds the differences between the last epochs; best driving on short sections of
+    unseen random tracks (for training on the built-in simulator's recordings); or best driving in replays of the
+    validation blocks. For driving and replay, the epoch with the lowest error is also kept, in the folder of the
+    metrics."""
     seed: int = 0
     """Seed of all random generators; on a CPU, the same seed gives the same split and the same model."""
     device: str = "auto"

@@ -30,7 +30,7 @@ from pilot.training.report import (
     draw_samples,
     validate_model,
 )
-from pilot.training.trainer import STATE_FORMAT, Training
+from pilot.training.trainer import DRIVING_CRITERIA, STATE_FORMAT, Training
 
 STATE = "state.pt"
 LOWEST_ERROR = "lowest_error.pt"
@@ -82,7 +82,7 @@ def train(config: TrainingConfig, processes: Processes, set_up: Callable[[int], 
         except KeyboardInterrupt:
             say(f"\nStopped in epoch {training.epoch + 1}. To resume: {resume_command(config)}")
             raise
-        if config.select != "error":
+        if config.select in DRIVING_CRITERIA:
             keep(config.report / LOWEST_ERROR, training.best, log, training)
         result = keep(config.out, training.chosen, log, training)
         if processes.is_main:
@@ -132,7 +132,7 @@ def make_driving_check(config: TrainingConfig, log: DrivingLog, validation: pd.D
     Raises:
         UnusableRecording: the validation blocks cannot be replayed.
     """
-    if config.select == "error":
+    if config.select not in DRIVING_CRITERIA:
         return None
     # imported here, because the simulator takes time to import and is seldom needed
     from pilot.evaluation.selection import driving_check, replay_check  # noqa: PLC0415
@@ -156,9 +156,9 @@ def _prepare_state(config: TrainingConfig, training: Training) -> None:
 
 
 def keep(path: Path, best: dict[str, Any], log: DrivingLog, training: Training) -> ValidationResult:
-    """Load the weights of one of the best epochs, validate them and write a model file; called by all processes.
+    """Load the weights of `training.best` or `training.chosen`, validate them and write a model file.
 
-    `best` is `training.best` or `training.best_driving`.
+    Called by all processes.
     """
     network = training.load_weights_of(best)
     result = validate_model(training)
@@ -196,6 +196,8 @@ def verdict(training: Training) -> str:
     kept, lowest = training.chosen["epoch"], training.best["epoch"]
     if training.config.select == "error":
         return f"epoch {kept} of {training.epoch} was the best."
+    if training.config.select == "last":
+        return f"The last of {training.epoch} epochs was kept; epoch {lowest} has the lowest error."
     interventions, cross_track_error = training.chosen["error"]
     return (
         f"epoch {kept} of {training.epoch} drove best ({interventions:.0f} interventions, mean cross-track error "

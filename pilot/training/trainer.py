@@ -35,6 +35,7 @@ from pilot.training.metrics import Agreement, agreement
 from pilot.training.optimisation import learning_rate, losses, make_optimiser, make_scheduler
 
 STATE_FORMAT = "behavioral-cloning training state"
+DRIVING_CRITERIA = ("driving", "replay")  # values of `config.select` that evaluate each epoch by driving
 SAVE_SECONDS = 120  # between saved states; at most this much work is lost in a power failure
 
 
@@ -65,7 +66,8 @@ class Training:
             config: training options.
             training, validation: tables of samples.
             processes: processes that train together; None: this one only.
-            driving_check: evaluates each epoch by driving; needed in the main process if `config.select` is not error.
+            driving_check: evaluates each epoch by driving; needed in the main process if `config.select` is driving
+                or replay.
             cache: cache that reads the frames; None: images are decoded at every read.
 
         Raises:
@@ -204,7 +206,7 @@ class Training:
         self.error_sum.zero_()
         if validation.mse < self.best["error"] - self.config.min_delta:
             self.best = self._snapshot(validation.mse)
-        if self.config.select != "error":
+        if self.config.select in DRIVING_CRITERIA:
             self._check_driving()
 
     def _check_driving(self) -> None:
@@ -264,11 +266,13 @@ class Training:
 
     @property
     def chosen(self) -> dict[str, Any]:
-        """The best epoch by the criterion `config.select`: `best` or `best_driving`."""
+        """The epoch that `config.select` asks for: `best`, `best_driving`, or the last one with the current weights."""
+        if self.config.select == "last":
+            return self._snapshot(self.history[-1]["validation_mse"])
         return self.best if self.config.select == "error" else self.best_driving
 
     def load_weights_of(self, best: dict[str, Any]) -> SteeringNetwork:
-        """Load the weights of `best` or `best_driving`, if any, and return the network in evaluation mode."""
+        """Load the weights of an epoch such as `best`, if it has any, and return the network in evaluation mode."""
         if best["weights"]:
             self.network.load_state_dict(best["weights"])
         return self.network.eval()

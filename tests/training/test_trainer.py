@@ -193,6 +193,17 @@ def test_keeps_the_epoch_that_drives_best_beside_that_of_the_lowest_error(
     assert training.validate().mse == pytest.approx(training.best["error"])
 
 
+def test_keeps_the_last_epoch_if_asked_for(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
+    training = Training(replace(CONFIG, select="last", min_delta=10), *samples)  # no epoch improves on the first
+    training.run(lambda _: None, quiet)
+    last, chosen = weights(training).clone(), training.chosen
+    assert (training.best["epoch"], chosen["epoch"]) == (1, 3)
+    training.load_weights_of(training.best)
+    assert not torch.equal(weights(training), last)
+    training.load_weights_of(chosen)
+    assert torch.equal(weights(training), last)
+
+
 def test_l2_is_the_penalty_added_to_the_loss(samples: tuple[pd.DataFrame, pd.DataFrame]) -> None:
     """One Adam step with `l2` equals one on loss + l2 * sum of squares of all weights and biases."""
     config = replace(CONFIG, l2=0.01)
