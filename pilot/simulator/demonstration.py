@@ -16,6 +16,7 @@ from pilot.simulator.track import STEP, Track
 from pilot.vehicle import MPH, TICK, TOP_SPEED_MPH
 
 LONGEST_RECOVERY = 2.4  # s
+PAUSE = 2.0  # s between recoveries, so that readers of the recording do not take two of them for one drive
 RECOVERY_METRES = 20.0  # approximate length of a recovery, for the progress bar
 # Range of the standard deviation of the heading error at the start: small errors are the most frequent, but a car that
 # turns into a hairpin 3 m too late is already 17 degrees off.
@@ -101,6 +102,7 @@ def demonstrate(episode: Episode, config: DemonstrationConfig) -> Iterator[Demon
             yield DemonstrationStep(command, lap_share * episode.laps / config.laps)
     last_row = round(math.floor(LONGEST_RECOVERY * config.rate) / config.rate / TICK)  # ticks after the start
     for number in range(config.recoveries):
+        episode.ticks += round(PAUSE / TICK)
         expert = _displaced(episode, number, config)
         over = functools.partial(_recovered, expert, episode.ticks + last_row)
         for command in _commands(episode, expert, config.rate, over):

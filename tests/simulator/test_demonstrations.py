@@ -17,6 +17,7 @@ from pilot.commands import train as train_command
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import decode_frame, encode_frame
 from pilot.data.log_format import LOG_NAME
+from pilot.data.segments import segment_numbers
 from pilot.simulator import demonstrations
 from pilot.simulator.demonstration import DemonstrationConfig
 from pilot.simulator.simulator import Simulator
@@ -65,6 +66,12 @@ def test_goes_on_in_a_recording_that_is_there(tmp_path: Path) -> None:
     first = demonstrations.record("lake", SHORT, tmp_path)
     second = demonstrations.record("lake", SHORT, tmp_path)
     assert len((tmp_path / LOG_NAME).read_text().splitlines()) == first + second
+
+
+def test_each_recovery_is_a_segment_of_its_own(tmp_path: Path) -> None:
+    demonstrations.record("lake", DemonstrationConfig(laps=0, recoveries=7, rate=5.0), tmp_path)
+    rows = read_driving_logs([tmp_path], quiet).rows
+    assert rows["steering"].groupby(segment_numbers(rows)).size().between(2, 13).sum() == 7
 
 
 def test_recoveries_show_the_way_back_and_only_that(tmp_path: Path) -> None:
