@@ -12,6 +12,8 @@ from torch.nn import functional
 
 from pilot.data.view import CROP_BOTTOM, CROP_TOP
 
+NVIDIA_MAPS = (24, 36, 48, 64, 64)  # feature maps of NVIDIA's convolutions (arXiv 1604.07316)
+
 
 class SteeringNetwork(nn.Module):
     """Base class: crops frames to `rows` and `columns`, applies `resize` and `normalise`, then the subclass's `layers`.
@@ -69,13 +71,11 @@ class Standardised(SteeringNetwork):
         return (pixels - mean) / deviation.clamp_min((3 * 128 * 128) ** -0.5)
 
 
-def nvidia_convolutions(maps: Sequence[int] = (24, 36, 48, 64, 64)) -> list[nn.Module]:
+def nvidia_convolutions(maps: Sequence[int] = NVIDIA_MAPS) -> list[nn.Module]:
     """Return NVIDIA's five convolutions (arXiv 1604.07316), each followed by a ReLU; `maps` are their outputs."""
     layers: list[nn.Module] = []
-    for (before, after), (size, stride) in zip(
-        itertools.pairwise([3, *maps]), [(5, 2), (5, 2), (5, 2), (3, 1), (3, 1)], strict=True
-    ):
-        layers += [nn.Conv2d(before, after, size, stride), nn.ReLU(inplace=True)]
+    for channels, outputs, size, stride in zip((3, *maps), maps, (5, 5, 5, 3, 3), (2, 2, 2, 1, 1), strict=False):
+        layers += [nn.Conv2d(channels, outputs, size, stride), nn.ReLU(inplace=True)]
     return layers
 
 

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from pilot.model.steering_network import SteeringNetwork, dense, nvidia_convolutions
+from pilot.model.steering_network import NVIDIA_MAPS, SteeringNetwork, dense, nvidia_convolutions
 
 
 class PilotNet(SteeringNetwork):
@@ -14,7 +14,7 @@ class PilotNet(SteeringNetwork):
         maps: number of feature maps of each convolution.
     """
 
-    maps: tuple[int, ...] = (24, 36, 48, 64, 64)
+    maps: tuple[int, ...] = NVIDIA_MAPS
     colours: Tensor
     shift: Tensor
 
