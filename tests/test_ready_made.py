@@ -8,9 +8,6 @@ from conftest import REPOSITORY
 from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, run
 from pilot.evaluation.conditions import Conditions
 from pilot.model.checkpoint import load_model
-from pilot.simulator.catalogue import load_track
-from pilot.simulator.demonstration import lines
-from pilot.simulator.demonstrations import NAMED_TRACKS
 
 MODELS = sorted((REPOSITORY / "models").glob("*.pt"))
 
@@ -33,5 +30,4 @@ def test_they_are_small_and_tell_what_they_were_trained_on(path: Path) -> None:
 def test_the_one_for_the_built_in_simulator_keeps_to_the_road() -> None:
     driven = run(DriveRequest(ModelPolicy(REPOSITORY / "models" / "built_in.pt"), "lake", Conditions(laps=0.1)))
     assert not driven.interventions
-    outermost = max(lines(load_track("lake"), NAMED_TRACKS.line_spread))  # of its demonstrations, metres
-    assert abs(driven.cross_track_errors).max() < outermost + 0.5
+    assert abs(driven.cross_track_errors).max() < 1

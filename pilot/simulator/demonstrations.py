@@ -25,9 +25,10 @@ from pilot.workers import run_tasks
 # No wandering, so that the steering depends only on what the image shows; recoveries show how to return to the lane.
 # Many different rows in little time: the centre camera only, and so few rows per second that a recovery consists of
 # the row at its start, because two rows of one recovery teach less than those of two recoveries.
-NAMED_TRACKS = DemonstrationConfig(laps=4, recoveries=500, rate=0.4, line_spread=0.3, cameras="center")
-JUNGLE = replace(NAMED_TRACKS, laps=6, recoveries=1200)  # the longest track and the one with the most bends
-RANDOM_TRACKS = replace(NAMED_TRACKS, laps=1, recoveries=130, vary_cameras=True)
+NAMED_TRACKS = DemonstrationConfig(laps=4, recoveries=500, rate=0.4, line_spread=0.1, cameras="center")
+# The longest track, with two lanes and the most bends.
+JUNGLE = replace(NAMED_TRACKS, laps=6, recoveries=1200, line_spread=0.3)
+RANDOM_TRACKS = replace(NAMED_TRACKS, laps=1, recoveries=130, line_spread=0.3, vary_cameras=True)
 DEMONSTRATIONS: dict[str, DemonstrationConfig] = {
     **dict.fromkeys(both_ways(track_names()), NAMED_TRACKS),
     **dict.fromkeys(both_ways(["jungle"]), JUNGLE),
