@@ -24,13 +24,14 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from benchmarks.look import compare_looks
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import read_frame
+from pilot.data.motion import Motion, motion_of
 from pilot.data.samples import smooth_steering
 from pilot.driving.controller import ControllerConfig
 from pilot.driving.driver import Driver
 from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, run
 from pilot.evaluation.conditions import Conditions
 from pilot.evaluation.map_matching import MapMatch, match_track
-from pilot.evaluation.reference_path import Motion, UnusableRecording, continuous_segments, motion_of
+from pilot.evaluation.reference_path import UnusableRecording, continuous_segments
 from pilot.evaluation.replay import prepare, replay
 from pilot.simulator.catalogue import both_ways, load_track
 from pilot.simulator.scores import score

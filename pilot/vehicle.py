@@ -23,6 +23,7 @@ WHEEL_RADIUS = 0.35
 HALF_TRACK = 1.0  # half of the distance between left and right wheels
 FULL_LOCK_DEGREES = 25.0
 FULL_LOCK = math.radians(FULL_LOCK_DEGREES)  # angle of the front wheels for a steering of 1
+GRIP = {True: 0.95, False: 0.5}  # friction coefficient of the tyres, on and off the road
 TOP_SPEED_MPH = 30.0  # hard limit in the simulator
 REVERSE_BELOW_MPH = 5.0  # a negative throttle brakes above this speed and reverses below it
 PLAUSIBLE_SPEED_MPH = 200.0  # larger values in a log or telemetry are not speeds
@@ -47,3 +48,9 @@ def steering_to_curvature(steering: Number) -> Number:
 def curvature_to_steering(curvature: Number) -> Number:
     """Return the steering for a path's curvature in 1/m; beyond -1..1 for curves tighter than the car can turn."""
     return np.arctan(curvature * WHEELBASE) / FULL_LOCK  # type: ignore[no-any-return]
+
+
+def path_curvature(steering: float, speed: float, *, on_road: bool = True) -> float:
+    """Return the path's curvature (1/m) for a steering of -1..1 at a speed in m/s, limited by the tyres' grip."""
+    tightest = GRIP[on_road] * GRAVITY / max(speed * speed, 1e-9)
+    return min(max(steering_to_curvature(steering), -tightest), tightest)

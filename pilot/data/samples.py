@@ -13,6 +13,7 @@ import pandas as pd
 
 from pilot.arrays import Floats
 from pilot.data.driving_log import share_of_each
+from pilot.data.motion import path_steering
 from pilot.data.segments import segment_numbers
 from pilot.pursuit import returning_curvature
 from pilot.vehicle import CAMERA_OFFSETS, CAMERAS, curvature_to_steering, steering_to_curvature
@@ -38,6 +39,9 @@ class SampleConfig:
     """For side-rule=constant: added to the steering for the left camera, subtracted for the right one (-1..1)."""
     smooth_seconds: float = 0.0
     """Seconds over which the recorded steering is averaged (for jerky keyboard driving); 0: not averaged."""
+    path_metres: float = 0.0
+    """Metres of the driven path ahead to whose end the label leads (pure pursuit): where the car went, instead of
+    which key was pressed; 0: the recorded steering is the label."""
     balance: Literal["none", "drop-zeros", "spikes", "cap", "weight"] = "none"
     """Method of balancing the steering histogram, in which 0 is usually too frequent: see docs/training.md."""
     drop_zeros: float = 0.9
@@ -88,7 +92,9 @@ def make_samples(rows: pd.DataFrame, config: SampleConfig, seed: int) -> tuple[p
     in_validation = split_rows(rows, config, rng)
     moments = rows.assign(moment=rows.index, recorded=rows["steering"])
     validation = camera_samples(moments[in_validation], SampleConfig(cameras="center"))
-    moments["steering"] = smooth_steering(rows, config.smooth_seconds)
+    if config.path_metres:
+        moments["steering"] = path_steering(rows, config.path_metres)
+    moments["steering"] = smooth_steering(moments, config.smooth_seconds)
     if config.balance == "drop-zeros":
         moments = moments[~_surplus_zeros(moments["recorded"], config.drop_zeros, rng) | in_validation]
     training = camera_samples(moments[~in_validation.reindex(moments.index)], config)

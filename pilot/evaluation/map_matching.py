@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pilot.arrays import Floats
-from pilot.evaluation.reference_path import Motion
+from pilot.data.motion import Motion
 from pilot.simulator.track import STEP, Track
 
 SCALES = np.arange(0.93, 1.07, 0.01)  # of the recorded distances

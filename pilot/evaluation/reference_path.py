@@ -1,4 +1,4 @@
-"""Motion of a recorded car, from its steering and speed, and a smooth line along the road that is fitted to it.
+"""A smooth line along the road, fitted to the motion of a recorded car.
 
 The fit is a linear least-squares problem with three kinds of equations: the line's curvature changes slowly; the car
 moves by a bicycle model with the recorded steering and speed, apart from a little slip; and its offset from the line
@@ -6,7 +6,6 @@ equals the measured one. Units are metres and radians, positive to the right, as
 and the line are assumed to be small.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -17,11 +16,8 @@ from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
 from pilot.arrays import Floats
-from pilot.data.segments import breaks
-from pilot.simulator.car import path_curvature
-from pilot.vehicle import MPH
+from pilot.data.motion import Motion, motion_breaks
 
-MAX_ACCELERATION = 12.0  # m/s²; more than tyres allow: the car was moved to another place
 SHORTEST_SEGMENT = 5.0  # s; shorter ones are not replayed
 SLOWEST_RATE = 4.0  # rows per second; at 30 mph the car moves 3.4 m between two rows
 MIN_STEP = 0.01  # metres; lower bound of the distance between two rows, so that no deviation is 0
@@ -35,23 +31,6 @@ SIDE_SLIPS = (0.005, 0.01)  # lateral slip in metres per row, and in metres per 
 
 class UnusableRecording(ValueError):
     """The recording cannot be replayed; the message states the reason and what to do."""
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Motion of a recorded car; each array has one entry per row.
-
-    Attributes:
-        seconds: time to the next row in s.
-        steps: distance driven to the next row in metres.
-        speeds: speed in m/s.
-        curvatures: curvature of the steered path in 1/m.
-    """
-
-    seconds: Floats
-    steps: Floats
-    speeds: Floats
-    curvatures: Floats
 
 
 @dataclass(frozen=True)
@@ -83,9 +62,7 @@ def continuous_segments(rows: pd.DataFrame) -> Iterator[pd.DataFrame]:
     """
     if rows["speed"].isna().any():
         raise UnusableRecording("the log holds no speed, without which the driven path is unknown: record again")
-    pause = rows["time"].diff()
-    leap = rows["speed"].diff().abs() * MPH > MAX_ACCELERATION * pause + 0.5
-    broken = breaks(rows) | (pause == 0) | leap
+    pause, broken = rows["time"].diff(), motion_breaks(rows)
     if pause[~broken].median() > 1 / SLOWEST_RATE:
         raise UnusableRecording(
             f"{1 / pause[~broken].median():.1f} rows a second are too few for a replay: "
@@ -94,15 +71,6 @@ def continuous_segments(rows: pd.DataFrame) -> Iterator[pd.DataFrame]:
     for _, segment in rows.groupby(broken.cumsum(), sort=False):
         if segment["time"].iloc[-1] - segment["time"].iloc[0] >= SHORTEST_SEGMENT:
             yield segment.reset_index(drop=True)
-
-
-def motion_of(segment: pd.DataFrame) -> Motion:
-    """Return the motion of the car in a segment from `continuous_segments`."""
-    seconds = np.diff(segment["time"].to_numpy(float), append=math.nan)
-    seconds[-1] = np.median(seconds[:-1])
-    speeds = segment["speed"].to_numpy(float) * MPH
-    curvatures = [path_curvature(*moment) for moment in zip(segment["steering"], speeds, strict=True)]
-    return Motion(seconds, speeds * seconds, speeds, np.array(curvatures))
 
 
 def fit_line(motion: Motion, seen: Floats, spread: Floats) -> Line:

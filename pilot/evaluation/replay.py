@@ -19,21 +19,13 @@ import numpy as np
 import pandas as pd
 
 from pilot.arrays import Floats, Frame
+from pilot.data.motion import Motion, motion_of
 from pilot.driving.driver import SteeringPolicy
-from pilot.evaluation.reference_path import (
-    SHORTEST_SEGMENT,
-    Line,
-    Motion,
-    UnusableRecording,
-    continuous_segments,
-    fit_line,
-    motion_of,
-)
+from pilot.evaluation.reference_path import SHORTEST_SEGMENT, Line, UnusableRecording, continuous_segments, fit_line
 from pilot.evaluation.replay_road import PATH_SPREAD, find_road
 from pilot.evaluation.replay_view import view
-from pilot.simulator.car import path_curvature
 from pilot.simulator.trajectory import Intervention, Trajectory
-from pilot.vehicle import CAMERAS, HALF_TRACK, MPH
+from pilot.vehicle import CAMERAS, HALF_TRACK, MPH, path_curvature
 
 Reference = Literal["road", "path"]
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from pilot import camera
 from pilot.arrays import Floats, Frame
 from pilot.data.frames import read_frame
-from pilot.evaluation.reference_path import Line, Motion, fit_line
+from pilot.data.motion import Motion
+from pilot.evaluation.reference_path import Line, fit_line
 from pilot.vehicle import BONNET_ROW, CAMERA_AHEAD_OF_REAR_AXLE, COLUMNS
 
 CELL = 0.1  # metres; resolution of the lateral grid

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from pilot.vehicle import (
     GRAVITY,
+    GRIP,
     HALF_TRACK,
     MPH,
     REVERSE_BELOW_MPH,
@@ -16,7 +17,7 @@ from pilot.vehicle import (
     TOP_SPEED_MPH,
     WHEEL_RADIUS,
     WHEELBASE,
-    steering_to_curvature,
+    path_curvature,
 )
 
 TOP_SPEED = TOP_SPEED_MPH * MPH
@@ -25,15 +26,8 @@ FULL_DRIVE = 2000 / WHEEL_RADIUS / MASS  # m/s²: a total torque of 2000 N·m
 FULL_REVERSE = 500 / WHEEL_RADIUS / MASS  # m/s²: 500 N·m
 ENGINE_RAMP = 1.0  # s from zero to full torque
 DRAG = 0.1  # 1/s, relative loss of speed
-GRIP = {True: 0.95, False: 0.5}  # friction coefficient of the tyres, on and off the road
 OFF_ROAD_DRAG = 0.6  # 1/s, added to DRAG
 REVERSE_BELOW = REVERSE_BELOW_MPH * MPH
-
-
-def path_curvature(steering: float, speed: float, *, on_road: bool = True) -> float:
-    """Return the path's curvature (1/m) for a steering of -1..1 at a speed in m/s, limited by the tyres' grip."""
-    tightest = GRIP[on_road] * GRAVITY / max(speed * speed, 1e-9)
-    return min(max(steering_to_curvature(steering), -tightest), tightest)
 
 
 @dataclass

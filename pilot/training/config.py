@@ -97,6 +97,7 @@ class TrainingConfig:
             "warm-up": self.warm_up,
             "min-delta": self.min_delta,
             "cache-gb": self.cache_gb,
+            "samples.path-metres": self.samples.path_metres,
             "samples.smooth-seconds": self.samples.smooth_seconds,
             "samples.rotated-copies": self.samples.rotated_copies,
         }

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pilot.data.motion import Motion, motion_of
 from pilot.evaluation.map_matching import match_track
-from pilot.evaluation.reference_path import Motion, motion_of
 from pilot.simulator.catalogue import both_ways, load_track
 from pilot.simulator.episode import Episode
 from pilot.simulator.expert import Expert

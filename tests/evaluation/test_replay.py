@@ -12,8 +12,9 @@ from pilot import camera
 from pilot.arrays import Frame
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import encode_frame, read_frame
+from pilot.data.motion import Motion
 from pilot.data.recording_writer import RecordingWriter
-from pilot.evaluation.reference_path import Motion, UnusableRecording, continuous_segments, fit_line
+from pilot.evaluation.reference_path import UnusableRecording, continuous_segments, fit_line
 from pilot.evaluation.replay import (
     DRIVER_MARGIN,
     LIMITS,
