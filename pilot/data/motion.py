@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pilot.arrays import Floats
+from pilot.arrays import Floats, sums_before
 from pilot.data.segments import breaks
 from pilot.vehicle import MPH, curvature_to_steering, path_curvature
 
@@ -68,17 +68,12 @@ def path_steering(rows: pd.DataFrame, metres: float) -> "pd.Series[float]":
 
 def _pursuit(motion: Motion, recorded: Floats, metres: float) -> Floats:
     turns = motion.curvatures * motion.steps
-    driven, heading = _before(motion.steps), _before(turns)
-    east = _before(np.sin(heading + turns / 2) * motion.steps)
-    north = _before(np.cos(heading + turns / 2) * motion.steps)
+    driven, heading = sums_before(motion.steps), sums_before(turns)
+    east = sums_before(np.sin(heading + turns / 2) * motion.steps)
+    north = sums_before(np.cos(heading + turns / 2) * motion.steps)
     target = np.minimum(driven + metres, driven[-1])
     aside, ahead = np.interp(target, driven, east) - east, np.interp(target, driven, north) - north
     right = aside * np.cos(heading) - ahead * np.sin(heading)
     known = target - driven > SHORTEST_PATH
     curvature = 2 * right / np.where(known, aside**2 + ahead**2, 1)
     return np.where(known, np.clip(curvature_to_steering(curvature), -1, 1), recorded)
-
-
-def _before(amounts: Floats) -> Floats:
-    """Return the exclusive cumulative sum: for each entry the sum of those before it."""
-    return np.concatenate([[0.0], np.cumsum(amounts)[:-1]])

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pilot.arrays import Floats
+from pilot.arrays import Floats, sums_before
 from pilot.data.motion import Motion
 from pilot.simulator.track import STEP, Track
 
@@ -53,7 +53,7 @@ def match_track(motion: Motion, tracks: Sequence[Track]) -> MapMatch:
 
 def _driven(motion: Motion, scale: float) -> Floats:
     """Return the distance (metres) from the first row to each row."""
-    return scale * np.concatenate([[0.0], np.cumsum(motion.steps[:-1])])
+    return scale * sums_before(motion.steps)
 
 
 def _driven_curvatures(motion: Motion, scale: float) -> Floats:

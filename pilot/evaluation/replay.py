@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from pilot.arrays import Floats, Frame
+from pilot.arrays import Floats, Frame, sums_before
 from pilot.data.motion import Motion, motion_of
 from pilot.driving.driver import SteeringPolicy
 from pilot.evaluation.reference_path import SHORTEST_SEGMENT, Line, UnusableRecording, continuous_segments, fit_line
@@ -262,10 +262,12 @@ def _trajectory(
 ) -> Trajectory:
     """Return the trajectory in a map where the reference line starts at the origin, heading north."""
     motion, bends = segment.motion, segment.line.curvatures
-    times, progress = _before(motion.seconds), _before(motion.steps)
-    compass = _before(bends * motion.steps)
+    times, progress = sums_before(motion.seconds), sums_before(motion.steps)
+    compass = sums_before(bends * motion.steps)
     right = np.stack([np.cos(compass), -np.sin(compass)], axis=1)
-    middle = np.stack([_before(np.sin(compass) * motion.steps), _before(np.cos(compass) * motion.steps)], axis=1)
+    middle = np.stack(
+        [sums_before(np.sin(compass) * motion.steps), sums_before(np.cos(compass) * motion.steps)], axis=1
+    )
     positions = middle + offsets[:, None] * right
     interventions = tuple(
         Intervention(
@@ -278,8 +280,3 @@ def _trajectory(
         for index in intervention_rows
     )
     return Trajectory(times, positions, motion.speeds / MPH, steering, progress, offsets, headings, interventions)
-
-
-def _before(amounts: Floats) -> Floats:
-    """Return the exclusive cumulative sum: for each entry the sum of those before it."""
-    return np.concatenate([[0.0], np.cumsum(amounts)[:-1]])

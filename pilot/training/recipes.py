@@ -1,4 +1,4 @@
-"""Recipes: the default, one for the built-in simulator's recordings, and those of the students' reports."""
+"""Recipes: the default, those for built-in and for real recordings, and those of the students' reports."""
 
 from dataclasses import replace
 
