@@ -98,6 +98,6 @@ _REAL = replace(
 RECIPES: dict[str, TrainingConfig] = {
     "default": TrainingConfig(),
     "built-in": _BUILT_IN,
-    "real": _REAL,
     **_REPORT_RECIPES,
+    "real": _REAL,
 }
