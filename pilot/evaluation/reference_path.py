@@ -23,7 +23,7 @@ SLOWEST_RATE = 4.0  # rows per second; at 30 mph the car moves 3.4 m between two
 MIN_STEP = 0.01  # metres; lower bound of the distance between two rows, so that no deviation is 0
 
 # Standard deviations of the equations
-BEND_CHANGES = 0.004  # 1/m per square root of a metre driven: changes of the road's curvature
+BEND_CHANGES = 0.004  # 1/m per square root of a metre driven: changes of the road's curvature, if it was not seen
 TURN_SLIPS = 0.003  # rad per square root of a metre driven: changes of heading that steering does not explain
 TURN_SHARE = 0.05  # the same, as a share of the steered change of heading
 SIDE_SLIPS = (0.005, 0.01)  # lateral slip in metres per row, and in metres per metre driven
@@ -73,13 +73,14 @@ def continuous_segments(rows: pd.DataFrame) -> Iterator[pd.DataFrame]:
             yield segment.reset_index(drop=True)
 
 
-def fit_line(motion: Motion, seen: Floats, spread: Floats) -> Line:
+def fit_line(motion: Motion, seen: Floats, spread: Floats, bend_changes: float = BEND_CHANGES) -> Line:
     """Fit a line to the motion of the car and to measurements of its offset.
 
     Args:
         motion: motion of the recorded car; n rows.
         seen: n, measured offset of the car in metres to the right of the line.
         spread: n, standard deviation of `seen` in metres.
+        bend_changes: standard deviation of the changes of the line's curvature in 1/m per square root of a metre.
     """
     count = len(seen)
     offset, heading, bend = np.arange(3 * count).reshape(3, count)  # indices of the unknowns
@@ -97,7 +98,7 @@ def fit_line(motion: Motion, seen: Floats, spread: Floats) -> Line:
             turn,
             np.hypot(TURN_SLIPS * np.sqrt(step), TURN_SHARE * turn),
         ),
-        _equations([(bend[then], ones), (bend[now], -ones)], 0 * ones, BEND_CHANGES * np.sqrt(step)),
+        _equations([(bend[then], ones), (bend[now], -ones)], 0 * ones, bend_changes * np.sqrt(step)),
         _equations([(offset, np.ones(count))], seen, spread),
     )
     matrix = sparse.vstack([left for left, _ in equations], format="csc")

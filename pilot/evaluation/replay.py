@@ -4,10 +4,10 @@ The method follows NVIDIA's simulator (Bojarski et al., End to End Learning for 
 section 6): the recorded frame is warped to the position of the replayed car, the model steers, a bicycle model moves
 the car at the recorded speed, and an intervention is counted when the car is too far from a reference line.
 
-NVIDIA labelled the lane's middle by hand. Here the road's middle is detected in the images (replay_road.py), and the
+NVIDIA labelled the lane's middle by hand. Here a network finds the road in the images (replay_road.py), and the
 reference line runs parallel to it, at the median lateral offset of the recorded car. The recorded path itself is a
 worse reference: a person's lateral offset varies by about a metre, which would count as an error of a model that keeps
-to the middle. The smoothed recorded path is used only if the road is not clearly visible (hard shadows, no edges).
+to the middle. The smoothed recorded path is used only if the images do not show the road.
 Positions close to that of the recorded car are always allowed, because the person accepted them.
 """
 
@@ -29,7 +29,7 @@ from pilot.vehicle import CAMERAS, HALF_TRACK, MPH, path_curvature
 
 Reference = Literal["road", "path"]
 
-UNCLEAR = 0.6  # below this clarity, detected road middles turned out to be wrong
+UNCLEAR = 0.2  # below this clarity, the road is not seen
 LIMITS: dict[Reference, float] = {
     "road": 3.0,
     "path": 2.0,
@@ -129,7 +129,7 @@ class Replayable:
     Attributes:
         segments: segments of the recording.
         reference: reference line: parallel to the road's middle ("road"), or the smoothed recorded path ("path").
-        clarity: 0..1, how clearly the road is visible.
+        clarity: 0..1, how clearly the road is visible, see `Road`.
     """
 
     segments: tuple[ReplaySegment, ...]

@@ -23,11 +23,14 @@ class TrainingConfig:
     """Model file to write; metrics and figures are written to a folder next to it."""
     recipe: str = "default"
     """Set of default options, overridden by the options given here; see the table in docs/training.md. Default:
-    built-in if there are only recordings of the built-in simulator, otherwise default."""
+    built-in if there are only recordings of the built-in simulator, real with --start, otherwise default."""
     resume: bool = False
     """Resume the interrupted training of this --out with its options."""
     start: Path | None = None
     """Model to fine-tune, such as models/built_in.pt, instead of starting from random weights; decides the network."""
+    start_share: float = 0.0
+    """With --start: share (0..1) of that model in the finished one, whose weights are the average of both (arXiv
+    2109.01903). It keeps more of what the model could do before."""
     network: Annotated[str, tyro.conf.arg(help=f"Network to train: {', '.join(network_names())}.")] = "pilotnet"
     epochs: int = 15
     """Maximum number of epochs."""
@@ -81,6 +84,11 @@ class TrainingConfig:
         if self.network not in network_names():
             raise ValueError(f"--network {self.network}: there are {', '.join(network_names())}")
         self.augment.check()
+        if self.start_share and not self.start:
+            raise ValueError(
+                f"--start-share {self.start_share:g}: is the share of the model that --start names: add --start, for "
+                "example --start models/built_in.pt, or --start-share 0"
+            )
         positive = {
             "epochs": self.epochs,
             "batch-size": self.batch_size,
@@ -106,7 +114,11 @@ class TrainingConfig:
             "samples.side-correction": self.samples.side_correction,
             "samples.rotation-range": self.samples.rotation_range,
         }
-        shares = {"samples.drop-zeros": self.samples.drop_zeros, "samples.first-part": self.samples.first_part}
+        shares = {
+            "start-share": self.start_share,
+            "samples.drop-zeros": self.samples.drop_zeros,
+            "samples.first-part": self.samples.first_part,
+        }
         _require(positive, lambda value: 0 < value < math.inf, "must be greater than 0, and finite")
         _require(not_negative, lambda value: 0 <= value < math.inf, "must not be negative, and finite")
         _require(finite, math.isfinite, "must be finite")

@@ -78,6 +78,7 @@ class Training:
         self.processes = processes or Processes()
         self.device = choose_device(config.device, self.processes.local_rank)
         self.network = first_network(config).to(self.device)
+        self.start_weights = copy.deepcopy(self.network.state_dict()) if config.start_share else {}
         self.parameters = list(self.network.parameters())
         self.optimiser = make_optimiser(self.parameters, config, self.device)
         self.training, self.validation = training, validation
@@ -272,9 +273,12 @@ class Training:
         return self.best if self.config.select == "error" else self.best_driving
 
     def load_weights_of(self, best: dict[str, Any]) -> SteeringNetwork:
-        """Load the weights of an epoch such as `best`, if it has any, and return the network in evaluation mode."""
+        """Load the weights of an epoch such as `best`, if it has any, and return the network in evaluation mode.
+
+        They are averaged with those of the model to start from, if `config.start_share` asks for it.
+        """
         if best["weights"]:
-            self.network.load_state_dict(best["weights"])
+            self.network.load_state_dict(blended(best["weights"], self.start_weights, self.config.start_share))
         return self.network.eval()
 
     def state(self) -> dict[str, Any]:
@@ -346,6 +350,14 @@ def first_network(config: TrainingConfig) -> SteeringNetwork:
     if model.name != config.network:
         raise UnusableModel(f"{config.start}: is a {model.name}; start from it with --network {model.name}")
     return model.network
+
+
+def blended(weights: dict[str, Tensor], start: dict[str, Tensor], share: float) -> dict[str, Tensor]:
+    """Return the average of two networks' weights, with a share (0..1) of `start`; counters are those of `weights`."""
+    return {
+        key: torch.lerp(value, start[key], share) if share and value.is_floating_point() else value
+        for key, value in weights.items()
+    }
 
 
 def fingerprint(samples: pd.DataFrame) -> str:

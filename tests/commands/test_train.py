@@ -73,7 +73,11 @@ def test_fine_tunes_a_model_with_its_own_network(
     recording(moments=60)
     save_model(tmp_path / "first.pt", Model("lenet5", build_network("lenet5", 1), {}, {}, {}))
     train("--data", "laps", "--start", "first.pt", "--epochs", "1", "--samples.block-seconds", "1")
-    assert load_model(tmp_path / "model.pt").name == "lenet5"
+    tuned = load_model(tmp_path / "model.pt")
+    assert tuned.name == "lenet5"
+    assert tuned.config["recipe"] == "real"
+    assert tuned.config["start_share"] == 0.4
+    assert "--start-share 0.4" in train("--data", "laps", "--recipe", "real", fails=True)
     assert "nothing.pt" in train("--data", "laps", "--start", "nothing.pt", fails=True)
 
 

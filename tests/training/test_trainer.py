@@ -170,6 +170,21 @@ def test_starts_from_a_model(samples: tuple[pd.DataFrame, pd.DataFrame], tmp_pat
         Training(replace(CONFIG, start=path, network="nvidia"), *samples)
 
 
+def test_the_finished_weights_are_the_average_with_the_model_it_started_from(
+    samples: tuple[pd.DataFrame, pd.DataFrame], tmp_path: Path
+) -> None:
+    path = tmp_path / "first.pt"
+    save_model(path, Model(CONFIG.network, build_network(CONFIG.network, seed=5), {}, {}, {}))
+    found = {}
+    for share in (0.0, 0.25, 1.0):
+        training = trained(samples, replace(CONFIG, epochs=1, select="last", start=path, start_share=share))
+        training.load_weights_of(training.chosen)
+        found[share] = weights(training)
+    torch.testing.assert_close(found[0.25], 0.75 * found[0.0] + 0.25 * found[1.0])
+    assert torch.equal(found[1.0], weights(Training(replace(CONFIG, start=path), *samples)))
+    assert not torch.allclose(found[0.0], found[1.0], atol=1e-3)
+
+
 def test_keeps_the_epoch_that_drives_best_beside_that_of_the_lowest_error(
     samples: tuple[pd.DataFrame, pd.DataFrame],
 ) -> None:
