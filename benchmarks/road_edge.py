@@ -135,6 +135,11 @@ def recording_figures(folder: Path) -> dict[str, float | str]:
     }
 
 
+def table(figures: list[dict[str, float | str]]) -> str:
+    """Return figures as a table, one row each."""
+    return pd.DataFrame(figures).to_string(index=False, float_format="{:.2f}".format)
+
+
 def main() -> None:
     """Train if asked to, and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -143,8 +148,9 @@ def main() -> None:
     options = parser.parse_args()
     if options.train:
         train()
-    for table in (map(built_in_errors, CHECKED), map(recording_figures, options.recordings)):
-        print(pd.DataFrame(list(table)).to_string(index=False, float_format="{:.2f}".format), end="\n\n")
+    print(table([built_in_errors(track) for track in CHECKED]))
+    if options.recordings:
+        print("\n" + table([recording_figures(folder) for folder in options.recordings]))
 
 
 if __name__ == "__main__":
