@@ -17,6 +17,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pandas as pd
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
@@ -29,6 +31,7 @@ from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import encode_frame, read_frame
 from pilot.data.samples import smooth_steering
 from pilot.driving.driver import Driver, SteeringPolicy
+from pilot.simulator.catalogue import load_track
 from pilot.training import plots
 from pilot.vehicle import COLUMNS, ROWS
 
@@ -113,15 +116,16 @@ def draw_map(folders: list[Path], uncertainty: dict[str, float]) -> Figure:
     """Draw the uncertainty (by the centre image's path) where the recordings were driven."""
     figure = Figure((12, 6), layout="constrained")
     segments = [segment for segment in find_segments(folders) if segment.match.correlation >= LEAST_MATCH]
-    highest = float(np.percentile(list(uncertainty.values()), 98))
+    scale = Normalize(0, float(np.percentile(list(uncertainty.values()), 98)))
     for axis, name in zip(figure.subplots(1, 2), ("lake", "jungle"), strict=True):
+        axis.plot(*load_track(name).points[:, :2].T, color="0.8", linewidth=5, zorder=0)
         for segment in (each for each in segments if each.match.track.name.startswith(name)):
             track = segment.match.track
             points = np.array([track.at(progress)[:2] for progress in segment.match.progress])
             values = [uncertainty[path] for path in segment.rows["center"]]
-            dots = axis.scatter(*points.T, c=values, s=9, cmap="viridis", vmin=0, vmax=highest)
+            axis.scatter(*points.T, c=values, s=9, norm=scale)
         axis.set(title=name, aspect="equal", xlabel="east, m", ylabel="north, m")
-    figure.colorbar(dots, ax=figure.axes, label="uncertainty of the steering")
+    figure.colorbar(ScalarMappable(scale), ax=figure.axes, label="uncertainty of the steering")
     return figure
 
 
