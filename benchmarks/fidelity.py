@@ -35,9 +35,9 @@ from pilot.evaluation.reference_path import UnusableRecording, continuous_segmen
 from pilot.evaluation.replay import prepare, replay
 from pilot.simulator.catalogue import both_ways, load_track
 from pilot.simulator.scores import score
+from pilot.training.report import SMOOTHED_SECONDS
 
 TRACKS = both_ways(["lake", "jungle"])
-SMOOTHED_SECONDS = 0.5
 LEAST_MATCH = 0.5  # correlation from which a place on the track counts as found
 CAREFUL = Conditions(speed=ControllerConfig(speed=15.0, slow_in_curves=0.45))  # for --real models
 

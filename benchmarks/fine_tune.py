@@ -37,8 +37,9 @@ def main() -> None:
     rows = {"own": share_of_each(read_driving_logs([options.recording]).rows, options.first_part, 1.0)}
     rows |= {folder.name: read_driving_logs([folder]).rows for folder in options.elsewhere}
     figures = [
-        {"recording": name, "model": moment, **judge(model, part_rows, prepared(part_rows))}
+        {"recording": name, "model": moment, **judge(model, part_rows, replayable)}
         for name, part_rows in rows.items()
+        for replayable in [prepared(part_rows)]  # once for both models
         for moment, model in (("before", options.start), ("after", options.out))
     ]
     print(pd.DataFrame(figures).to_string(index=False, float_format="{:.3g}".format))

@@ -12,6 +12,7 @@ that correlation; autonomy in the replay.
 """
 
 import argparse
+import functools
 import subprocess
 import sys
 from pathlib import Path
@@ -30,8 +31,8 @@ from pilot.driving.driver import Driver
 from pilot.evaluation.reference_path import UnusableRecording
 from pilot.evaluation.replay import Replayable, prepare, replay
 from pilot.simulator.scores import score
+from pilot.training.report import SMOOTHED_SECONDS
 
-SMOOTHED_SECONDS = 0.5
 LONGEST_DELAY = 0.6  # s
 
 
@@ -90,6 +91,12 @@ def best_delay(predicted: Floats, steering: Floats, pause: float) -> tuple[float
     return row * pause, correlation
 
 
+def read(folder: Path, *, replayed: bool) -> tuple[pd.DataFrame, Replayable | None]:
+    """Return the rows of a recording and, if it is to be replayed, what `prepared` makes of them."""
+    rows = read_driving_logs([folder]).rows
+    return rows, prepared(rows) if replayed else None
+
+
 def prepared(rows: pd.DataFrame) -> Replayable | None:
     """Return a recording that is ready for replays, or None if it cannot be replayed."""
     try:
@@ -131,11 +138,12 @@ def main() -> None:
         others = [folder for folder in options.recordings if folder not in held_out]
         train(model, others + options.always, training)
         jobs += [("held out", model, folder) for folder in held_out]
-    jobs += [(str(model), model, folder) for model in options.beside for folder in options.recordings]
+    jobs += [(str(model), model, folder) for folder in options.recordings for model in options.beside]
     known = set(zip(results["model"], results["recording"], strict=True))
-    for name, model, folder in tqdm([job for job in jobs if (job[0], job[2].name) not in known], "judging"):
-        rows = read_driving_logs([folder]).rows
-        found = judge(model, rows, None if options.no_replay else prepared(rows))
+    ready = functools.lru_cache(maxsize=1)(functools.partial(read, replayed=not options.no_replay))
+    jobs = sorted((job for job in jobs if (job[0], job[2].name) not in known), key=lambda job: job[2].name)
+    for name, model, folder in tqdm(jobs, "judging"):
+        found = judge(model, *ready(folder))
         results = pd.concat([results, pd.DataFrame([{"model": name, "recording": folder.name, **found}])])
         results.to_csv(figures, index=False)
     print(summary(results).to_string(index=False, float_format="{:.3g}".format))

@@ -33,10 +33,10 @@ from pilot.data.samples import smooth_steering
 from pilot.driving.driver import Driver, SteeringPolicy
 from pilot.simulator.catalogue import load_track
 from pilot.training import plots
+from pilot.training.report import SMOOTHED_SECONDS
 from pilot.vehicle import COLUMNS, ROWS
 
 Change = Callable[[Frame], Frame]
-SMOOTHED_SECONDS = 0.5
 PARTS = 4  # equally large parts of the frames, by their uncertainty
 
 

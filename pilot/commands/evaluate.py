@@ -159,7 +159,7 @@ def recording_scenarios(config: EvaluationConfig) -> "list[Scenario]":
 
     folders = [folder.resolve() for folder in config.recordings]
     named = list(zip(name_paths(folders), folders, strict=True))
-    found = run_tasks(partial(prepare_scenario, config.last_part), named, config.jobs, process_settings.for_images)
+    found = run_tasks(partial(prepare_scenario, config.last_part), named, config.jobs, process_settings.for_driving)
     prepared = dict(
         tqdm(
             found,

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import torch
 from scipy.ndimage import median_filter
 
 from pilot.arrays import Floats, Frame
@@ -63,8 +64,6 @@ def edge_network() -> EdgeDistances:
     Raises:
         UnusableModel: the network's file is missing or damaged.
     """
-    import torch  # noqa: PLC0415 - only replays need it
-
     network = load_model(NETWORK_FILE).network
 
     def distances(frames: Sequence[Frame]) -> Floats:
