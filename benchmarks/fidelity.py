@@ -13,29 +13,24 @@ drive: models trained on recordings only (--real) on the built-in lake and jungl
 
 import argparse
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from benchmarks.held_out import judge, read
 from benchmarks.look import compare_looks
 from pilot.data.driving_log import read_driving_logs
-from pilot.data.frames import read_frame
 from pilot.data.motion import Motion, motion_of
-from pilot.data.samples import smooth_steering
 from pilot.driving.controller import ControllerConfig
-from pilot.driving.driver import Driver
 from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, run
 from pilot.evaluation.conditions import Conditions
 from pilot.evaluation.map_matching import MapMatch, match_track
-from pilot.evaluation.reference_path import UnusableRecording, continuous_segments
-from pilot.evaluation.replay import prepare, replay
+from pilot.evaluation.reference_path import continuous_segments
 from pilot.simulator.catalogue import both_ways, load_track
 from pilot.simulator.scores import score
-from pilot.training.report import SMOOTHED_SECONDS
 
 TRACKS = both_ways(["lake", "jungle"])
 LEAST_MATCH = 0.5  # correlation from which a place on the track counts as found
@@ -78,30 +73,25 @@ def print_lines(segments: list[Segment]) -> None:
         print(f"{segment.name:<14}{metres:8.0f}{match.track.name:>18}{match.correlation:13.2f}{match.scale:8.2f}")
 
 
-def print_real_drives(models: list[Path]) -> None:
-    """Print how models that were trained on recordings drive a lap of the built-in tracks."""
+def print_real_drives(models: list[Path], laps: float) -> None:
+    """Print how models that were trained on recordings drive laps of the built-in tracks."""
+    conditions = replace(CAREFUL, laps=laps)
     for model in models:
         for track in TRACKS:
-            scores = score(track, [run(DriveRequest(ModelPolicy(model), track, CAREFUL))])
+            scores = score(track, [run(DriveRequest(ModelPolicy(model), track, conditions))])
+            low, high = scores.autonomy_interval
             found = f"{scores.interventions} interventions"
-            print(f"{model.name:<22}{track:<18}{found:>18}{scores.autonomy:8.1f} % autonomy")
+            print(f"{model.name:<22}{track:<18}{found:>18}{scores.autonomy:8.1f} % ({low:.1f} to {high:.1f}) autonomy")
 
 
 def print_built_in_drives(models: list[Path], folders: list[Path]) -> None:
     """Print how models that were trained on built-in tracks do on recordings."""
-    for model in models:
-        driver = Driver.load(model)
-        for folder in folders:
-            rows = read_driving_logs([folder]).rows
-            steering = [driver.steer(read_frame(path)) for path in rows["center"]]
-            correlation = np.corrcoef(steering, smooth_steering(rows, SMOOTHED_SECONDS))[0, 1]
-            try:
-                recording = prepare(rows)
-                replayed = score(folder.name, replay(recording, driver.steer))
-                text = f"{replayed.autonomy:8.1f} % autonomy by the {recording.reference}"
-            except UnusableRecording as error:
-                text = f"  no replay: {error}"
-            print(f"{model.name:<22}{folder.name:<18}{correlation:6.2f} correlation{text}")
+    for folder in folders:
+        rows, recording = read(folder, replayed=True)
+        for model in models:
+            found = judge(model, rows, recording)
+            replayed = f"{found['replay']:8.1f} % autonomy by the {found['reference']}" if recording else "  no replay"
+            print(f"{model.name:<22}{folder.name:<18}{found['correlation']:6.2f} correlation{replayed}")
 
 
 def main() -> None:
@@ -110,6 +100,7 @@ def main() -> None:
     parser.add_argument("recordings", type=Path, nargs="+")
     parser.add_argument("--real", type=Path, nargs="*", default=[], help="models trained on recordings only")
     parser.add_argument("--built-in", type=Path, nargs="*", default=[], help="models trained on built-in tracks only")
+    parser.add_argument("--laps", type=float, default=1.0, help="laps of each track with the --real models")
     parser.add_argument("--sheet", type=Path, help="also draw recorded above rendered frames; do not publish it")
     options = parser.parse_args()
     segments = find_segments(options.recordings)
@@ -123,7 +114,7 @@ def main() -> None:
     ]
     compare_looks(places, options.real[0] if options.real else None, options.sheet)
     print()
-    print_real_drives(options.real)
+    print_real_drives(options.real, options.laps)
     print_built_in_drives(options.built_in, options.recordings)
 
 

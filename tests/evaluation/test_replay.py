@@ -1,7 +1,7 @@
 """Replay of recordings: the road is found in them, the car goes where it is steered, and sees what it would see."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ from pilot.evaluation.replay import (
     replay,
 )
 from pilot.evaluation.replay_view import BONNET_ROW, view, warp
+from pilot.simulator.catalogue import load_course
 from pilot.simulator.demonstration import DemonstrationConfig, demonstrate
 from pilot.simulator.simulator import Simulator
 from pilot.vehicle import CAMERAS, HALF_TRACK, SIDE_CAMERA_OFFSET, curvature_to_steering
@@ -37,13 +38,17 @@ PLAN = DemonstrationConfig(laps=0.18, rate=10, wander=0.5)
 
 @dataclass
 class Recorded:
-    """A recording of a wandering driver on a built-in track, his offsets from the middle, and his heading errors."""
+    """A recording of a wandering driver on a built-in track, and the truth about it.
+
+    That is his offsets from the middle, his heading errors, and the road's half widths.
+    """
 
     folder: Path
     rows: pd.DataFrame
     replayable: Replayable
     offsets: np.ndarray
     headings: np.ndarray
+    half_widths: np.ndarray
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +62,8 @@ def record_drive(folder: Path, track: str, seed: int) -> Recorded:
     with Simulator(CAMERAS) as simulator, RecordingWriter(folder) as writer:
         simulator.reset(track, seed=seed)
         for step in demonstrate(simulator.episode, PLAN):
-            state = simulator.episode.state
-            truth.append((simulator.episode.where.lateral_offset, state.heading_error))
+            state, where = simulator.episode.state, simulator.episode.where
+            truth.append((where.lateral_offset, state.heading_error, where.half_width))
             writer.write(simulator.look(), state.time, step.command, state.speed)
     rows = read_driving_logs([folder]).rows
     return Recorded(folder, rows, prepare(rows), *np.array(truth).T)
@@ -163,6 +168,20 @@ def test_the_roads_middle_is_found_in_hairpins_and_where_the_road_is_wide(tmp_pa
     assert np.percentile(np.abs(segment.line.offsets - jungle.offsets), 95) < 1.2
     assert np.median(segment.half_widths) == pytest.approx(4.6, abs=0.3)
     assert jungle.replayable.reference == "road"
+
+
+def test_the_roads_middle_is_found_where_its_width_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    course = load_course("mountain")
+    waves = np.sin(np.linspace(0, 10 * math.pi, len(course.track.points)))
+    changing = replace(course, track=replace(course.track, half_widths=4.2 + 0.6 * waves))
+    monkeypatch.setattr("pilot.simulator.simulator.load_course", lambda _: changing)
+    monkeypatch.setattr("pilot.simulator.simulator.load_track", lambda _: changing.track)
+    drive = record_drive(tmp_path, "mountain", seed=1)
+    [segment] = drive.replayable.segments
+    assert np.ptp(drive.half_widths) > 1.0
+    assert np.abs(segment.half_widths - drive.half_widths).mean() < 0.3
+    assert np.corrcoef(segment.half_widths, drive.half_widths)[0, 1] > 0.8
+    assert np.abs(segment.line.offsets - drive.offsets).mean() < 0.3
 
 
 # What is seen
