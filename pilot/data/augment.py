@@ -19,6 +19,8 @@ from pilot.data.view import CROP_BOTTOM, CROP_TOP, MIRROR, View
 from pilot.pursuit import returning_curvature
 from pilot.vehicle import COLUMNS, ROWS, curvature_to_steering, steering_to_curvature
 
+LOOKAHEAD_BY_RADIUS = 0.55  # of a bend; the point on the path then lies in a direction of 16 degrees
+
 
 @dataclass(frozen=True)
 class AugmentConfig:
@@ -57,6 +59,9 @@ class AugmentConfig:
     viewpoint_lookahead: float | None = 15.0
     """Metres ahead at which the steering has returned to the path (7.2 corresponds to a side correction of 0.2). None:
     the law of the built-in expert."""
+    viewpoint_nearest: float | None = None
+    """The same in the tightest bends, because people steer for a nearer point there: the lookahead is 0.55 of the
+    bend's radius, between viewpoint-nearest and viewpoint-lookahead. None: viewpoint-lookahead everywhere."""
 
     def check(self) -> None:
         """Check the values.
@@ -81,6 +86,11 @@ class AugmentConfig:
             )
         if self.viewpoint_lookahead is not None and self.viewpoint_lookahead <= 0:
             raise ValueError(f"--augment.viewpoint-lookahead {self.viewpoint_lookahead}: must be greater than 0")
+        if self.viewpoint_nearest is not None and not 0 < self.viewpoint_nearest <= (self.viewpoint_lookahead or 0):
+            raise ValueError(
+                f"--augment.viewpoint-nearest {self.viewpoint_nearest}: must be greater than 0, and at most the "
+                f"{self.viewpoint_lookahead} of --augment.viewpoint-lookahead"
+            )
 
 
 # Geometric augmentations: homography and label
@@ -109,7 +119,13 @@ def crop_height(view: View, top: float | Floats, bottom: float | Floats) -> View
     return view.transformed(camera.matrices(1, 0, 0, 0, scale, CROP_TOP - first * scale, 0, 0, 1), view.steering)
 
 
-def shift_viewpoint(view: View, offset: float | Floats, heading: float | Floats, lookahead: float | None) -> View:
+def shift_viewpoint(
+    view: View,
+    offset: float | Floats,
+    heading: float | Floats,
+    lookahead: float | None,
+    nearest: float | None = None,
+) -> View:
     """Show the road from a car displaced from the driver's path, with the steering that returns to it.
 
     Based on NVIDIA's shift and rotation (arXiv 1604.07316, section 5). There the label returns to the path within two
@@ -120,12 +136,15 @@ def shift_viewpoint(view: View, offset: float | Floats, heading: float | Floats,
         offset: distance of the car from the path in metres, positive to the right.
         heading: angle between the car and the path's direction in radians, positive to the right.
         lookahead: distance in metres along the driver's arc after which the path is reached; None: the expert's law.
+        nearest: the same in the tightest bends; None: `lookahead` there, too.
     """
     curvature = steering_to_curvature(np.asarray(view.steering))
     if lookahead is None:
         back = returning_curvature(curvature, offset, heading)
     else:
-        back = np.asarray(curvature - 2 * (offset + lookahead * heading) / lookahead**2)
+        radius = 1 / np.maximum(np.abs(curvature), 1e-9)
+        ahead = np.clip(LOOKAHEAD_BY_RADIUS * radius, lookahead if nearest is None else nearest, lookahead)
+        back = np.asarray(curvature - 2 * (offset + ahead * heading) / ahead**2)
     return view.transformed(camera.viewpoint_homography(offset, heading), curvature_to_steering(back))
 
 
@@ -200,14 +219,15 @@ def _draw_viewpoint(n: int, config: AugmentConfig, rng: np.random.Generator) -> 
 
 
 def _apply_viewpoint(view: View, parameters: Floats, config: AugmentConfig) -> View:
-    return shift_viewpoint(view, parameters[:, 0], parameters[:, 1], config.viewpoint_lookahead)
+    offset, heading = parameters.T
+    return shift_viewpoint(view, offset, heading, config.viewpoint_lookahead, config.viewpoint_nearest)
 
 
 def _viewpoint_examples(view: View, config: AugmentConfig) -> dict[str, View]:
     metres, degrees = config.viewpoint_metres, config.viewpoint_degrees
     return {
         f"viewpoint {side * metres:+g} m, {turn * degrees:+g}°": shift_viewpoint(
-            view, side * metres, turn * math.radians(degrees), config.viewpoint_lookahead
+            view, side * metres, turn * math.radians(degrees), config.viewpoint_lookahead, config.viewpoint_nearest
         )
         for side in (-1, 1)
         for turn in (-1, 1)

@@ -200,6 +200,10 @@ def test_without_a_recording_where_one_should_be_it_says_what_to_do(tmp_path: Pa
         (["--out", "."], "--out .: is a folder; name a file in it, such as model.pt"),
         (["--augment.crop-top", "0.4", "0.6", "--augment.crop-bottom", "0.4", "0.5"], "must leave a part of the frame"),
         (["--augment.shadow-range", "0.7", "0.2"], "--augment.shadow-range 0.7 0.2: must not be negative, the smaller"),
+        (
+            ["--augment.viewpoint-nearest", "20"],
+            "--augment.viewpoint-nearest 20.0: must be greater than 0, and at most",
+        ),
         (["--augment.flip", "2"], "--augment.flip 2.0: must lie in 0..1"),
         (["--samples.validation-share", "1"], "--samples.validation-share 1.0: must be greater than 0 and less than 1"),
         (["--network", "resnet"], "--network resnet: there are densenet, lenet, lenet5, nvidia"),

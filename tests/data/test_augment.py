@@ -70,6 +70,16 @@ def test_the_recovery_label_reaches_the_path_at_the_lookahead() -> None:
     assert offset + heading * lookahead + (after - before) * lookahead**2 / 2 == pytest.approx(0)
 
 
+def test_in_a_tight_bend_a_displaced_view_returns_nearer() -> None:
+    def correction(curvature: float) -> float:
+        view = augment.shift_viewpoint(View(vehicle.curvature_to_steering(curvature)), 1.0, 0.0, 15.0, 8.0)
+        return vehicle.steering_to_curvature(view.steering) - curvature
+
+    assert correction(0.0) == pytest.approx(-2 / 15**2)
+    assert correction(-1 / 20) == pytest.approx(-2 / 11**2)  # 0.55 of the bend's radius ahead
+    assert correction(1 / 10) == pytest.approx(-2 / 8**2)
+
+
 @pytest.mark.parametrize("recipe", ["default", "built-in"])
 def test_a_shift_by_a_side_camera_means_the_side_cameras_correction(recipe: str) -> None:
     config = RECIPES[recipe]
