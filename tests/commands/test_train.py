@@ -76,8 +76,8 @@ def test_fine_tunes_a_model_with_its_own_network(
     tuned = load_model(tmp_path / "model.pt")
     assert tuned.name == "lenet5"
     assert tuned.config["recipe"] == "real"
-    assert tuned.config["start_share"] == 0.25
-    assert "--start-share 0.25" in train("--data", "laps", "--recipe", "real", fails=True)
+    assert tuned.config["start_share"] == 0.4
+    assert "--start-share 0.4" in train("--data", "laps", "--recipe", "real", fails=True)
     assert "nothing.pt" in train("--data", "laps", "--start", "nothing.pt", fails=True)
 
 
@@ -200,10 +200,7 @@ def test_without_a_recording_where_one_should_be_it_says_what_to_do(tmp_path: Pa
         (["--out", "."], "--out .: is a folder; name a file in it, such as model.pt"),
         (["--augment.crop-top", "0.4", "0.6", "--augment.crop-bottom", "0.4", "0.5"], "must leave a part of the frame"),
         (["--augment.shadow-range", "0.7", "0.2"], "--augment.shadow-range 0.7 0.2: must not be negative, the smaller"),
-        (
-            ["--augment.viewpoint-nearest", "20"],
-            "--augment.viewpoint-nearest 20.0: must be greater than 0, and at most",
-        ),
+        (["--augment.viewpoint-nearest", "20"], "--augment.viewpoint-nearest 20.0: must be greater than 0, and at"),
         (["--augment.flip", "2"], "--augment.flip 2.0: must lie in 0..1"),
         (["--samples.validation-share", "1"], "--samples.validation-share 1.0: must be greater than 0 and less than 1"),
         (["--network", "resnet"], "--network resnet: there are densenet, lenet, lenet5, nvidia"),
