@@ -86,10 +86,11 @@ class AugmentConfig:
             )
         if self.viewpoint_lookahead is not None and self.viewpoint_lookahead <= 0:
             raise ValueError(f"--augment.viewpoint-lookahead {self.viewpoint_lookahead}: must be greater than 0")
-        if self.viewpoint_nearest is not None and not 0 < self.viewpoint_nearest <= (self.viewpoint_lookahead or 0):
+        farthest = self.viewpoint_lookahead
+        if self.viewpoint_nearest is not None and (farthest is None or not 0 < self.viewpoint_nearest <= farthest):
             raise ValueError(
-                f"--augment.viewpoint-nearest {self.viewpoint_nearest}: must be greater than 0, and at most the "
-                f"{self.viewpoint_lookahead} of --augment.viewpoint-lookahead"
+                f"--augment.viewpoint-nearest {self.viewpoint_nearest}: must be greater than 0, and at most "
+                f"--augment.viewpoint-lookahead, which is {farthest}"
             )
 
 
