@@ -98,10 +98,11 @@ def read(folder: Path, *, replayed: bool) -> tuple[pd.DataFrame, Replayable | No
 
 
 def prepared(rows: pd.DataFrame) -> Replayable | None:
-    """Return a recording that is ready for replays, or None if it cannot be replayed."""
+    """Return a recording that is ready for replays; None if it cannot be replayed, for a reason that is printed."""
     try:
         return prepare(rows)
-    except UnusableRecording:
+    except UnusableRecording as error:
+        tqdm.write(f"no replay: {error}")
         return None
 
 
