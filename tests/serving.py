@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+import urllib.request
 from pathlib import Path
 
 from conftest import REPOSITORY, picture
@@ -67,6 +68,15 @@ class Server:
         code = self.process.wait(10)
         self.log.close()
         return code
+
+
+def post(port: int, path: str, body: dict[str, object]) -> dict[str, object]:
+    """Post JSON to the page's server, and return its answer."""
+    request = urllib.request.Request(
+        f"http://127.0.0.1:{port}{path}", json.dumps(body).encode(), {"Content-Type": "application/json"}
+    )
+    with urllib.request.urlopen(request, timeout=10) as answer:
+        return json.load(answer)
 
 
 def steers(client: WireClient, message: dict[str, object] | None) -> tuple[str, dict[str, str]]:

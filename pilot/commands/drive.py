@@ -5,11 +5,15 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 
 from pilot import cli, process_settings
 from pilot.driving.controller import ControllerConfig
+
+if TYPE_CHECKING:
+    from pilot.driving.drive_session import DriveSession
 
 PROGRAM = cli.program("drive.py")
 
@@ -24,6 +28,9 @@ class ServeConfig:
     """Folder in which to record the drive: frames and driving_log.csv."""
     overwrite: bool = False
     """Overwrite an existing recording in the folder."""
+    corrections: Path | None = Path("data/corrections")
+    """Folder for recordings of what you steer in place of the model, on the page or in the window; None: they are not
+    recorded."""
     host: str = "127.0.0.1"
     """Address to listen on."""
     port: int = 4567
@@ -69,10 +76,11 @@ def serve(config: ServeConfig) -> None:
     # imported here, so that --help and invalid options do not wait for PyTorch
     from pilot.driving.autopilot import Autopilot, FrameClock
     from pilot.driving.connections import listen
+    from pilot.driving.corrections import Corrections
     from pilot.driving.dashboard.page import create_page
     from pilot.driving.dashboard.state import DriveState
+    from pilot.driving.drive_session import DriveSession
     from pilot.driving.driver import Driver
-    from pilot.driving.recorder import Recorder
     from pilot.driving.server import DriveServer, check_versions
 
     check_versions()
@@ -81,22 +89,40 @@ def serve(config: ServeConfig) -> None:
     listener = listen(config.host, config.port)
     clock = FrameClock(config.frame_seconds) if config.frame_seconds else None
     autopilot = Autopilot(driver.steer, config.drive, clock or time.perf_counter)
+    corrections = Corrections(config.corrections) if config.corrections else None
+    session = DriveSession(autopilot, config.model, driver, corrections=corrections)
+    if config.run:
+        session.record_into(config.run, overwrite=config.overwrite)
     state = DriveState(autopilot)
-    recorder = Recorder(config.run, overwrite=config.overwrite) if config.run else None
-    observers = [state.observe, *([recorder.observe] if recorder else []), *([clock.tick] if clock else [])]
-    server, page = DriveServer(autopilot, observers), create_page(state, driver.model)
+    observers = [state.observe, session.observe, *([clock.tick] if clock else [])]
+    server, page = DriveServer(autopilot, observers), create_page(state, session)
     process_settings.after_loading()
     print(
         f"{config.model} ({driver.model.name}) is ready at {config.drive.speed:g} mph. Start the simulator in "
-        f"autonomous mode; watch at http://{config.host}:{config.port}/ (Ctrl-C ends)",
+        f"autonomous mode; watch, and take the wheel, at http://{config.host}:{config.port}/ (Ctrl-C ends)",
         flush=True,
     )
     try:
         server.serve(listener, page, config.host)
     finally:
-        if recorder:
-            recorder.close()
-            print(f"\n{recorder.frames} frames in {config.run}. For a clip: python video.py {config.run}")
+        session.close()
+        print("\n" + "\n".join(report(session)))
+
+
+def report(session: "DriveSession") -> list[str]:
+    """Return lines about what was recorded, and what can be done with it."""
+    lines = [
+        f"{recorder.frames} frames in {recorder.folder}. For a clip: python video.py {recorder.folder}"
+        for recorder in session.recordings
+    ]
+    corrections = session.corrections
+    if corrections and corrections.folder:
+        plural = "" if corrections.number == 1 else "s"
+        lines.append(
+            f"{corrections.number} correction{plural} in {corrections.folder}. To learn from them: python model.py "
+            f"--start {session.path} --data {corrections.parent} --data RECORDINGS_BEFORE --out corrected.pt"
+        )
+    return lines
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import math
 import os
 from array import array
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +16,7 @@ import pandas as pd
 
 from pilot.data.frame_cache import FrameCache
 from pilot.data.log_format import LOG_NAME, NUMBERS, LogLine, read_log, time_of
+from pilot.data.steered_by import CORRECTING, read_steered_by
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import CAMERAS
 
@@ -34,8 +35,9 @@ class DrivingLog:
     Attributes:
         rows: one row per time step, in the order of recording. Columns: recording (index in `recordings`), line
             (number in the file), time (seconds), center, left, right (path of the image, or "" if there is none),
-            steering (-1..1, right is positive), throttle and brake (0..1), speed (mph). Throttle, brake and speed are
-            NaN where the log does not contain them.
+            steering (-1..1, right is positive), throttle and brake (0..1), speed (mph), correction (whether a person
+            or the expert corrects a model in it). Throttle, brake and speed are NaN where the log does not contain
+            them.
         recordings: folders of the recordings.
         left_out: for each recording, the number of rows (or side images) left out, by reason.
     """
@@ -128,7 +130,9 @@ def _read_log(log: Path, recording: int) -> tuple[pd.DataFrame, Counter[str]]:
         names = ",".join((*CAMERAS, *NUMBERS))
         raise NoUsableData(f"{log}: {error}. Give the columns their usual names: {names}") from error
     table = columns.table(recording)
-    faults = _faults(table)
+    steered_by = table["center"].map(_steerers(log))
+    table["correction"] = steered_by.isin(CORRECTING)
+    faults = _faults(table).mask((steered_by == "model") & (table["center"] != ""), "steered by the model")
     left_out = Counter(faults[faults != ""].tolist())
     rows = table[faults == ""].reset_index(drop=True)
     left_out += Counter({"side image missing": int(rows["missing"].sum())})
@@ -136,6 +140,12 @@ def _read_log(log: Path, recording: int) -> tuple[pd.DataFrame, Counter[str]]:
     for camera in CAMERAS:
         rows[camera] = rows[camera].replace(FOREIGN, "")
     return rows.drop(columns=["values", "missing"]), left_out
+
+
+def _steerers(log: Path) -> Callable[[str], str]:
+    """Return a function from the path of an image to who steered; "" if that is unknown."""
+    steerers = read_steered_by(log.parent)
+    return (lambda path: steerers.get(os.path.basename(path).lower(), "")) if steerers else (lambda _path: "")
 
 
 class _Columns:

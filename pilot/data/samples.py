@@ -2,7 +2,7 @@
 
 A sample is an image with its label. A table of samples has the columns: image (path), camera, steering (the label),
 recorded (the recorded steering), moment (number of the time step), recording, time (s), speed (mph), weight (in the
-loss, mean 1), flip and rotation (degrees; fixed augmentations of copies that are made once).
+loss, mean 1 over the training samples), flip and rotation (degrees; fixed augmentations of copies that are made once).
 """
 
 from dataclasses import dataclass
@@ -50,6 +50,9 @@ class SampleConfig:
     """For balance=cap and weight: number of bins of the steering histogram over -1..1."""
     cap: float = 2.0
     """For balance=cap: largest count of a bin, as a multiple of the mean count of the non-empty bins."""
+    correction_weight: float = 4.0
+    """Weight in the loss of the time steps in which a person or the expert corrects a model, relative to the others:
+    they are few, and show what it does wrong."""
     split: Literal["blocks", "recordings", "moments"] = "blocks"
     """Units of the train/validation split: contiguous blocks of time (because neighbouring frames are near
     duplicates), whole recordings (to validate on unseen ones), or single time steps as in the students' reports."""
@@ -91,7 +94,7 @@ def make_samples(rows: pd.DataFrame, config: SampleConfig, seed: int) -> tuple[p
     rows = rows[~(rows["speed"] < config.min_speed)].reset_index(drop=True)
     in_validation = split_rows(rows, config, rng)
     moments = rows.assign(moment=rows.index, recorded=rows["steering"])
-    validation = camera_samples(moments[in_validation], SampleConfig(cameras="center"))
+    validation = camera_samples(moments[in_validation], SampleConfig(cameras="center", correction_weight=1))
     if config.path_metres:
         moments["steering"] = path_steering(rows, config.path_metres)
     moments["steering"] = smooth_steering(moments, config.smooth_seconds)
@@ -207,9 +210,10 @@ def camera_samples(moments: pd.DataFrame, config: SampleConfig) -> pd.DataFrame:
         labels = side_steering(part["steering"].to_numpy(float), camera, config)
         kept = part[["recorded", "moment", "recording", "time", "speed"]]
         category = pd.Series(camera, part.index, pd.CategoricalDtype(list(CAMERAS)))  # takes a byte per sample
-        parts.append(kept.assign(image=part[camera], camera=category, steering=labels))
+        weight: Floats = np.where(part["correction"], config.correction_weight, 1.0)
+        parts.append(kept.assign(image=part[camera], camera=category, steering=labels, weight=weight))
     samples = pd.concat(parts, ignore_index=True)
-    return samples.assign(weight=1.0, flip=False, rotation=0.0)
+    return samples.assign(weight=samples["weight"] / samples["weight"].mean(), flip=False, rotation=0.0)
 
 
 # Balancing
@@ -258,9 +262,9 @@ def cap_histogram(samples: pd.DataFrame, bins: int, cap: float, rng: Generator) 
 
 
 def weigh(samples: pd.DataFrame, bins: int) -> pd.DataFrame:
-    """Weight each sample by one over the square root of its bin's count, normalised to a mean of 1."""
+    """Divide each sample's weight by the square root of its bin's count; normalised to a mean of 1."""
     bin_of = _bins(samples["steering"], bins)
-    weight = 1 / np.sqrt(bin_of.map(bin_of.value_counts()))
+    weight = samples["weight"].to_numpy(float) / np.sqrt(bin_of.map(bin_of.value_counts()).to_numpy(float))
     return samples.assign(weight=weight / weight.mean())
 
 

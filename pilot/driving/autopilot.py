@@ -1,4 +1,4 @@
-"""Computation of the answer to each telemetry message: steering policy, steering filter and speed controller.
+"""Computation of the answer to each telemetry message: steering policy or a person, and speed controller.
 
 Every message is answered, even if it is malformed or the model fails, because the simulator sends its next telemetry
 only after an answer.
@@ -8,12 +8,14 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pilot.arrays import Frame
+from pilot.data.steered_by import Steerer
 from pilot.driving.controller import ControllerConfig, SpeedController, SteeringFilter
 from pilot.driving.telemetry import BadTelemetry, Telemetry, parse_telemetry, steer_message, uses_commas
+from pilot.driving.wheel import Wheel
 
 log = logging.getLogger("pilot")
 
@@ -30,6 +32,7 @@ class Answer:
         steering, throttle: commands, -1..1 each.
         telemetry: the message that is answered; None in manual mode and if the message was invalid.
         seconds: s from receiving the telemetry to the answer.
+        steerer: who steers, the model or a person.
     """
 
     event: str
@@ -38,9 +41,10 @@ class Answer:
     throttle: float = 0.0
     telemetry: Telemetry | None = None
     seconds: float = 0.0
+    steerer: Steerer = "model"
 
 
-MANUAL = Answer("manual", {})
+MANUAL = Answer("manual", {}, steerer="person")
 
 
 class Autopilot:
@@ -49,6 +53,7 @@ class Autopilot:
     Attributes:
         last: the last answer; its command is repeated if a telemetry message is invalid.
         speed: the speed controller; its set speed may be changed during the drive.
+        wheel: with which a person takes over from the model.
     """
 
     def __init__(
@@ -57,6 +62,7 @@ class Autopilot:
         """Create an autopilot for a steering policy (160x320x3 uint8 RGB to -1..1); `clock` returns the time in s."""
         self.steer, self.clock = steer, clock
         self.speed, self.filter = SpeedController(config), SteeringFilter(config.smoothing)
+        self.wheel = Wheel()
         self.warnings = Warnings(clock)
         self.reset()
 
@@ -94,7 +100,7 @@ class Autopilot:
         """
         before = self.last
         if commas is None:
-            return Answer(before.event, before.message, before.steering, before.throttle)
+            return replace(before, telemetry=None, seconds=0.0)
         message = steer_message(before.steering, before.throttle, commas=commas)
         return Answer("steer", message, before.steering, before.throttle)
 
@@ -105,10 +111,17 @@ class Autopilot:
             self.filter.reset()
             pause = 0.0
         self._time = now
-        steering = self.filter.smooth(self.steer(telemetry.frame), pause)
+        person = self.wheel.command
+        if person is None:
+            steering = self.filter.smooth(self.steer(telemetry.frame), pause)
+        else:
+            steering = self.filter.value = person.steering  # from which the model then goes on
         throttle = self.speed.throttle(telemetry.speed, steering, pause)
+        if person is not None and person.throttle is not None:
+            throttle = person.throttle
         message = steer_message(steering, throttle, commas=telemetry.commas)
-        return Answer("steer", message, steering, throttle, telemetry, self.clock() - now)
+        steerer: Steerer = "person" if person else "model"
+        return Answer("steer", message, steering, throttle, telemetry, self.clock() - now, steerer)
 
 
 class FrameClock:

@@ -13,6 +13,7 @@ from io import FileIO
 from pathlib import Path
 
 from pilot.data.log_format import LOG_NAME, TIME_STAMP, format_line, time_stamp
+from pilot.data.steered_by import STEERED_BY, format_steered_by
 from pilot.driving.autopilot import Answer
 
 log = logging.getLogger("pilot")
@@ -36,12 +37,20 @@ class Recorder:
         failed: reason why the recording stopped; None if it did not.
     """
 
-    def __init__(self, folder: Path, *, overwrite: bool = False, now: Callable[[], datetime] = datetime.now) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        overwrite: bool = False,
+        steered_by: bool = False,
+        now: Callable[[], datetime] = datetime.now,
+    ) -> None:
         """Create the folder if necessary, open the log and start the thread.
 
         Args:
             folder: of the recording.
             overwrite: delete the recording that the folder contains.
+            steered_by: also write who steered, see `pilot.data.steered_by`.
             now: returns the time for the frames' names.
 
         Raises:
@@ -53,17 +62,18 @@ class Recorder:
         self.frames = 0
         self.failed: str | None = None
         self._rows = _prepare(folder, overwrite=overwrite)
+        self._steerers = (folder / STEERED_BY).open("ab", buffering=0) if steered_by else None
         self._ends_at: float | None = None  # monotonic time in s after which no frame is written
         self._queue: queue.Queue[tuple[datetime, Answer] | None] = queue.Queue(QUEUE_SIZE)
         self._thread = threading.Thread(target=self._write_all, name="recorder", daemon=True)
         self._thread.start()
 
-    def observe(self, answer: Answer) -> None:
-        """Queue an answer and its frame for writing; does not block."""
+    def observe(self, answer: Answer, at: datetime | None = None) -> None:
+        """Queue an answer and its frame, now or of the time `at`, for writing; does not block."""
         if answer.telemetry is None or self.failed:
             return
         try:
-            self._queue.put_nowait((self.now(), answer))
+            self._queue.put_nowait((at or self.now(), answer))
         except queue.Full:
             log.warning("the disk is too slow: a frame was not recorded")
 
@@ -78,7 +88,7 @@ class Recorder:
 
     def _write_all(self) -> None:
         last = ""
-        with self._rows:
+        with self._rows, self._steerers or contextlib.nullcontext():
             while not self._is_over() and (item := self._queue.get()) is not STOP:
                 stamp = time_stamp(item[0])
                 if self.failed or stamp == last:  # names have a resolution of 1 ms
@@ -95,6 +105,8 @@ class Recorder:
         path, end = self.folder / f"{stamp}.jpg", self._rows.tell()
         try:
             path.write_bytes(answer.telemetry.jpeg)
+            if self._steerers:  # before the row: whoever reads a row then knows who steered
+                self._steerers.write(format_steered_by(path.name, answer.steerer).encode())
             row = format_line([path.name, "", ""], answer.steering, answer.throttle, answer.telemetry.speed).encode()
             if self._rows.write(row) < len(row):
                 raise OSError(errno.ENOSPC, "No space left on device")

@@ -95,6 +95,7 @@ class TrainingConfig:
             "learning-rate": self.learning_rate,
             "patience": self.patience,
             "huber-delta": self.huber_delta,
+            "samples.correction-weight": self.samples.correction_weight,
             "samples.block-seconds": self.samples.block_seconds,
             "samples.bins": self.samples.bins,
             "samples.cap": self.samples.cap,

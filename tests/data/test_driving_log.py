@@ -5,6 +5,7 @@ import pytest
 from conftest import Recording, picture, stamp, steering_of, write_picture
 
 from pilot.data.driving_log import NoUsableData, read_driving_logs
+from pilot.data.steered_by import STEERED_BY, format_steered_by
 
 WINDOWS = "C:\\Users\\Doe, John\\IMG\\"
 NUMBERS = ["steering", "throttle", "brake", "speed"]
@@ -209,3 +210,19 @@ def test_images_that_would_fill_the_memory_are_left_out(recording: Recording) ->
     bomb[at : at + 4] = b"\xf0\x00\xf0\x00"
     (folder / "IMG" / f"center_{stamp(2)}.jpg").write_bytes(bomb)
     assert read_driving_logs([folder]).left_out[0] == {"image corrupt": 1}
+
+
+def test_leaves_out_what_a_model_steered_before_it_was_corrected(recording: Recording) -> None:
+    folder = recording(moments=12)
+    lines = [
+        format_steered_by(f"center_{stamp(moment)}.jpg", "model" if moment < 5 else "person") for moment in range(10)
+    ]
+    (folder / STEERED_BY).write_text("".join(lines) + "center_")  # cut off, as by a power failure
+    log = read_driving_logs([folder])
+    assert log.rows["steering"].tolist() == EXPECTED[5:]
+    assert log.rows["correction"].tolist() == [True] * 5 + [False] * 2
+    assert log.left_out[0] == {"steered by the model": 5}
+
+
+def test_a_recording_without_corrections_has_none(recording: Recording) -> None:
+    assert not read_driving_logs([recording()]).rows["correction"].any()

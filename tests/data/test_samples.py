@@ -33,6 +33,7 @@ def drive(count: int = 600, recording: int = 0, steering: np.ndarray | None = No
             "throttle": 1.0,
             "brake": 0.0,
             "speed": 20.0,
+            "correction": False,
         }
     )
 
@@ -112,6 +113,16 @@ def test_side_cameras_steer_towards_the_middle() -> None:
     np.testing.assert_allclose(by_camera["right"] - by_camera["center"], -0.2)
 
 
+def test_corrections_weigh_more_than_other_time_steps() -> None:
+    rows = drive().assign(correction=lambda rows: rows.index >= 500)
+    training, validation = samples_of(rows, correction_weight=4, block_seconds=1)
+    weights = training.groupby(training["moment"] >= 500)["weight"].unique()
+    assert weights[True] == pytest.approx(4 * weights[False])
+    assert training["weight"].mean() == pytest.approx(1)
+    assert (validation["moment"] >= 500).any()
+    assert (validation["weight"] == 1).all()
+
+
 def test_geometric_rule_is_that_of_report_004() -> None:
     config = SampleConfig(side_rule="geometric")
     assert side_steering(0.0, "left", config) == pytest.approx(0.245, abs=1e-3)
@@ -164,7 +175,7 @@ def test_cap_flattens_the_histogram() -> None:
 
 
 def test_weights_favour_rare_steering_and_have_mean_one() -> None:
-    samples = weigh(pd.DataFrame({"steering": keyboard()}), 25)
+    samples = weigh(pd.DataFrame({"steering": keyboard(), "weight": 1.0}), 25)
     assert samples["weight"].mean() == pytest.approx(1)
     rare, common = samples["steering"].abs() > 0.5, samples["steering"] == 0
     assert samples["weight"][rare].min() > 2 * samples["weight"][common].max()

@@ -4,6 +4,7 @@ import base64
 import json
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import cv2
 import eventlet
@@ -12,6 +13,7 @@ from eventlet.semaphore import Semaphore
 
 from pilot.arrays import Frame
 from pilot.driving.dashboard.state import DriveState
+from pilot.driving.drive_session import DriveSession
 from pilot.driving.telemetry import Telemetry
 from pilot.model.checkpoint import Model
 from pilot.model.saliency import overlay, saliency
@@ -31,9 +33,9 @@ class Events:
         open: number of streams that are being sent.
     """
 
-    def __init__(self, state: DriveState, model: Model) -> None:
-        """Create the events of a drive; `model` is used for the saliency."""
-        self.state, self.model = state, model
+    def __init__(self, state: DriveState, session: DriveSession) -> None:
+        """Create the events of a drive; the model of `session` is used for the saliency."""
+        self.state, self.session = state, session
         self.open = 0
         self._drawing = Semaphore()
         self._drawn, self._drawn_at = b"", float("-inf")  # JPEG with saliency, and its time in s
@@ -53,7 +55,7 @@ class Events:
         try:
             since, shown = 0.0, None
             while True:
-                snapshot = self.state.snapshot(since)
+                snapshot = self.state.snapshot(since) | self._recorded()
                 since = snapshot["samples"][-1]["time"] if snapshot["samples"] else since
                 telemetry = self.state.answer.telemetry if self.state.answer else None
                 if telemetry is not None and telemetry is not shown:
@@ -65,12 +67,24 @@ class Events:
         finally:
             self.open -= 1
 
+    def _recorded(self) -> dict[str, Any]:
+        recorder, corrections = self.session.recorder, self.session.corrections
+        return {
+            "model": self.session.path.name,
+            "network": self.session.model.name,
+            "recording": str(recorder.folder) if recorder else "",
+            "recorded_frames": recorder.frames if recorder else 0,
+            "recording_failed": (recorder.failed or "") if recorder else "",
+            "corrections": corrections.number if corrections else 0,
+            "corrections_folder": str(corrections.folder or "") if corrections else "",
+        }
+
     def _draw_saliency(self, telemetry: Telemetry) -> bytes:
         """Return the frame with its saliency as JPEG, or one that was drawn for another stream just before."""
         with self._drawing:
             if time.monotonic() - self._drawn_at >= EVENT_SECONDS:
                 # in a native thread, so that telemetry is answered meanwhile
-                self._drawn = tpool.execute(_saliency_jpeg, self.model, telemetry.frame)
+                self._drawn = tpool.execute(_saliency_jpeg, self.session.model, telemetry.frame)
                 self._drawn_at = time.monotonic()
             return self._drawn
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from pilot.driving.autopilot import Answer, Autopilot
+from pilot.driving.dashboard.summary import DriveSummary
 from pilot.vehicle import FULL_LOCK_DEGREES
 
 WAITING_AFTER = 2.0  # s without telemetry until the state is "waiting"
@@ -20,6 +21,7 @@ class DriveState:
     Attributes:
         number: of answers so far.
         answer: the last answer with a frame; None before the first.
+        summary: of the current drive, or of the last one while waiting.
     """
 
     def __init__(self, autopilot: Autopilot, clock: Callable[[], float] = time.monotonic) -> None:
@@ -32,36 +34,50 @@ class DriveState:
         self.autopilot, self.clock = autopilot, clock
         self.number = 0
         self.answer: Answer | None = None
-        self._last_time, self._last_event = float("-inf"), ""
+        self.summary = DriveSummary()
+        self._last_time, self._last_event, self._steerer = float("-inf"), "", "model"
         self._recent: deque[tuple[float, float]] = deque(maxlen=400)  # time in s, s to answer
-        self._samples: deque[dict[str, float]] = deque(maxlen=CHART_POINTS)
+        self._samples: deque[dict[str, float | bool]] = deque(maxlen=CHART_POINTS)
 
     def observe(self, answer: Answer) -> None:
         """Add an answer; takes microseconds."""
         now = self.clock()
         self.number += 1
-        self._last_time, self._last_event = now, answer.event
+        if self.state == "waiting":
+            self.summary = DriveSummary()
+        self.summary.add(answer, now)
+        self._last_time, self._last_event, self._steerer = now, answer.event, answer.steerer
         self._recent.append((now, answer.seconds))
-        if answer.telemetry is None:
-            return
-        self.answer = answer
-        if not self._samples or now - self._samples[-1]["time"] >= SAMPLE_SECONDS:
-            self._samples.append(
-                {
-                    "time": round(now, 3),
-                    "speed": round(answer.telemetry.speed, 2),
-                    "set_speed": round(self.autopilot.speed.target_speed(answer.steering), 2),
-                    "steering": round(answer.steering, 4),
-                    "throttle": round(answer.throttle, 3),
-                }
-            )
+        if answer.telemetry is not None:
+            self.answer = answer
+        if self.answer and (not self._samples or now - self._samples[-1]["time"] >= SAMPLE_SECONDS):
+            self._samples.append(self._sample(now))
+
+    def _sample(self, now: float) -> dict[str, float | bool]:
+        """Return a point of the strip chart; in manual mode, the simulator tells nothing, and the last values stay."""
+        answer = self.answer
+        assert answer is not None
+        assert answer.telemetry is not None
+        return {
+            "time": round(now, 3),
+            "speed": round(answer.telemetry.speed, 2),
+            "set_speed": round(self.autopilot.speed.target_speed(answer.steering), 2),
+            "steering": round(answer.steering, 4),
+            "throttle": round(answer.throttle, 3),
+            "person": self._steerer == "person",
+        }
 
     @property
     def state(self) -> str:
-        """State of the drive: "waiting" (for telemetry), "driving" or "manual"."""
+        """State of the drive: "waiting" (for telemetry), "driving", "corrected" (by a person) or "manual".
+
+        In manual mode, the simulator's own keys steer.
+        """
         if self.clock() - self._last_time > WAITING_AFTER:
             return "waiting"
-        return "manual" if self._last_event == "manual" else "driving"
+        if self._last_event == "manual":
+            return "manual"
+        return "corrected" if self._steerer == "person" else "driving"
 
     def snapshot(self, since: float = 0.0) -> dict[str, Any]:
         """Return all values that the page shows, as JSON-serialisable objects.
@@ -84,5 +100,6 @@ class DriveState:
             "speed": round(answer.telemetry.speed, 2) if answer and answer.telemetry else 0.0,
             "frames_per_second": round(len(recent) / max(span, 0.2), 1) if len(recent) > 1 else 0.0,
             "milliseconds": round(1000 * times[len(times) // 2], 2) if times else 0.0,
+            "summary": self.summary.values(),
             "samples": [sample for sample in self._samples if sample["time"] > since],
         }
