@@ -1,5 +1,8 @@
 """Recordings made for the tests: a bright post in the picture says how the driver steered."""
 
+import os
+import shutil
+import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -7,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from screen import HEIGHT, WIDTH, Screen
 
 from pilot.simulator.track import STEP, Track, closed_road
 
@@ -109,3 +113,23 @@ def circle(height: float = 0.0) -> Track:
     angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     corners = np.column_stack([RADIUS * np.sin(angles), RADIUS * np.cos(angles), height * np.cos(angles)])
     return closed_road("circle", corners, 4.0)
+
+
+@pytest.fixture(scope="module")
+def screen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Screen]:
+    """A display that nobody sees."""
+    for tool in ("Xvfb", "xdotool"):
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed")
+    folder = tmp_path_factory.mktemp("screen")
+    # not :0, where Panda3D would look for a display if none is named
+    first = 90 + os.getpid() % 1000  # tests that run at the same time would take the same one
+    number = next(number for number in range(first, 9999) if not Path(f"/tmp/.X{number}-lock").exists())
+    size = ("-screen", "0", f"{WIDTH}x{HEIGHT}x24")
+    command = ["Xvfb", f":{number}", "-displayfd", "1", *size, "-nolisten", "tcp", "-fbdir", str(folder)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as server:
+        try:
+            assert server.stdout.readline().split() == [str(number).encode()]  # it is ready
+            yield Screen(number, folder)
+        finally:
+            server.terminate()

@@ -13,8 +13,10 @@ from tqdm import tqdm
 from pilot import cli, process_settings
 from pilot.simulator.demonstration import DemonstrationConfig
 from pilot.terminal import show
+from pilot.vehicle import CAMERAS
 
 if TYPE_CHECKING:
+    from pilot.simulator.episode import CarState
     from pilot.simulator.simulator import Simulator
     from pilot.simulator.wire.client import Client
 
@@ -68,6 +70,8 @@ class ConnectConfig:
     """Run without a window."""
     fast: bool = False
     """Run as fast as possible instead of in real time; needs --headless, and drive.py --frame-seconds 0.04."""
+    corrections: Path | None = Path("data/corrections")
+    """Folder for recordings of what you steer in the window in place of drive.py; None: they are not recorded."""
     laps: float | None = None
     """Number of laps after which to stop. Default: stop on Ctrl-C."""
     host: str = "127.0.0.1"
@@ -126,11 +130,12 @@ def connect(config: ConnectConfig) -> None:
     cli.check_address(config.host, config.port)
     if config.laps is not None and not 0 < config.laps < math.inf:
         raise ValueError(f"--laps {config.laps:g}: must be greater than 0, and finite")
-    with Simulator() as simulator, tqdm(total=config.laps, unit=" laps", disable=config.laps is None) as bar:
+    seen = CAMERAS if config.corrections and not config.headless else CAMERAS[:1]
+    with Simulator(seen) as simulator, tqdm(total=config.laps, unit=" laps", disable=config.laps is None) as bar:
         simulator.reset(config.road.name, light=config.road.light)
         client = Client(
             simulator.episode,
-            lambda _: simulator.look()["center"],
+            lambda _: simulator.look(only="center")["center"],
             host=config.host,
             port=config.port,
             realtime=not config.fast,
@@ -138,20 +143,36 @@ def connect(config: ConnectConfig) -> None:
             on_tick=lambda _: show_laps(bar, simulator.episode.laps),
         )
         try:
-            client.run() if config.headless else run_in_window(simulator, client, config.road.name)
+            client.run() if config.headless else run_in_window(simulator, client, config)
         finally:
             show(f"{config.road.name}: {client.summary}")
 
 
-def run_in_window(simulator: "Simulator", client: "Client", title: str) -> None:
-    """Run the client in a window that shows its episode."""
+def run_in_window(simulator: "Simulator", client: "Client", config: ConnectConfig) -> None:
+    """Run the client in a window that shows its episode, and in which a person can take over."""
+    from pilot.simulator.window.takeover import CorrectionCapture, Takeover
     from pilot.simulator.window.window import Window
 
+    corrections = CorrectionCapture(config.corrections, simulator.look) if config.corrections else None
+    show_progress = client.on_tick
+
+    def on_tick(state: "CarState") -> None:
+        if show_progress:
+            show_progress(state)
+        if corrections:
+            corrections.add(state, "person" if client.manual else "model")
+
+    client.on_tick = on_tick
     try:
-        with Window(simulator.episode, simulator.renderer.scene, title=title) as window:
-            window.run(client)
+        with Window(simulator.episode, simulator.renderer.scene, title=config.road.name) as window:
+            window.run(Takeover(client, window.controls))
     finally:
         client.close()
+        if corrections:
+            corrections.close()
+            if corrections.folder:
+                plural = "" if corrections.number == 1 else "s"
+                show(f"{corrections.number} correction{plural} ({corrections.rows} rows) in {corrections.folder}")
 
 
 def show_laps(bar: "tqdm[NoReturn]", laps: float) -> None:

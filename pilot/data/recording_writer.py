@@ -5,11 +5,13 @@ import math
 import os
 from contextlib import suppress
 from datetime import datetime, timedelta
+from io import FileIO
 from pathlib import Path
 
 from pilot.arrays import Frame
 from pilot.data.frames import QUALITY, encode_frame
 from pilot.data.log_format import LOG_NAME, format_line, time_stamp
+from pilot.data.steered_by import STEERED_BY, Steerer, format_steered_by
 from pilot.files import unwritable
 from pilot.vehicle import CAMERAS, TICK
 
@@ -40,6 +42,7 @@ class RecordingWriter:
             (self.folder / "IMG").mkdir(parents=True, exist_ok=True)
             # unbuffered: each row is in the file as soon as its images are, should the program be killed
             self._log = (self.folder / LOG_NAME).open("ab", buffering=0)
+            self._steerers: FileIO | None = None
         except OSError as error:
             raise unwritable(folder, error) from error
 
@@ -51,6 +54,7 @@ class RecordingWriter:
         speed: float,
         *,
         quality: int = QUALITY,
+        steerer: Steerer | None = None,
     ) -> None:
         """Write the row of one time step.
 
@@ -61,6 +65,7 @@ class RecordingWriter:
             command: steering and throttle, -1..1 each; a negative throttle is written as brake.
             speed: mph.
             quality: of the JPEG images.
+            steerer: who steers, for recordings of corrections; None: it is not written.
 
         Raises:
             OSError: the row cannot be written, as on a full disk; the rows before it remain, and nothing of this one.
@@ -73,11 +78,18 @@ class RecordingWriter:
         try:
             for camera, image in zip(names, images, strict=True):
                 image.write_bytes(encode_frame(frames[camera], quality))
+            if steerer:  # before the row: whoever reads a row then knows who steered
+                self._write_steerer(format_steered_by(names["center"], steerer))
             self._append(format_line(listed, *command, speed).encode())
         except OSError as error:
             self._take_back(images, end)
             raise unwritable(self.folder, error) from error
         self.rows += 1
+
+    def _write_steerer(self, line: str) -> None:
+        if self._steerers is None:
+            self._steerers = (self.folder / STEERED_BY).open("ab", buffering=0)
+        self._steerers.write(line.encode())
 
     def _append(self, line: bytes) -> None:
         if self._log.write(line) < len(line):  # what an unbuffered file does when the disk becomes full
@@ -90,11 +102,17 @@ class RecordingWriter:
             with suppress(OSError):
                 image.unlink(missing_ok=True)
 
+    def close(self) -> None:
+        """Close the files."""
+        if self._steerers:
+            self._steerers.close()
+        self._log.close()
+
     def __enter__(self) -> "RecordingWriter":
         return self
 
     def __exit__(self, *_error: object) -> None:
-        self._log.close()
+        self.close()
 
 
 def is_due(tick: int, rate: float) -> bool:

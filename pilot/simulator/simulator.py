@@ -82,9 +82,9 @@ class Simulator:
             self.episode.advance(steering, throttle)
         return Observation(self.look(), self.episode.state)
 
-    def look(self, variation: CameraVariation = STANDARD) -> dict[str, Frame]:
-        """Render the cameras' current frames, by camera name: 160x320x3 uint8 RGB each."""
-        return self.renderer.render_episode(self.episode, variation)
+    def look(self, variation: CameraVariation = STANDARD, only: str | None = None) -> dict[str, Frame]:
+        """Render the current frames of all cameras or of `only` one, by camera name: 160x320x3 uint8 RGB each."""
+        return self.renderer.render_episode(self.episode, variation, only)
 
     def close(self) -> None:
         """Release the renderer's resources."""

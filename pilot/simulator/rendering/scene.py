@@ -36,6 +36,8 @@ from pilot.simulator.rendering.textures import panorama, plant, surface
 SKY_RADIUS = 600.0  # metres
 SKY_TOP, SKY_BOTTOM = 35.0, -35.0 / 3  # degrees above the horizon
 
+WADING, FAR_FROM_ROAD = 0.6, 40.0  # metres: depth of the water, and distance from the road's edge, of a lost car
+
 
 class Scene:
     """Scene graph of a course.
@@ -56,6 +58,7 @@ class Scene:
         """
         self.light: Light = LIGHTS[light or course.light]
         self.terrain: Terrain = make_terrain(course)
+        self.water = course.water
         on_ground, on_bridges = road_meshes(course, self.light)
         plants = grow_plants(course, self.terrain)
         shine = bake_light(self.terrain, plants, on_bridges, self.light)
@@ -76,6 +79,12 @@ class Scene:
             _attach(upright, mesh, None)
         self.sky = _sky(self.light, course)
         self.sky.reparent_to(self.root)
+
+    def is_lost(self, episode: Episode) -> bool:
+        """Return whether a car is in the lake, or so far from the road that it will not find back."""
+        beyond = abs(episode.where.lateral_offset) - episode.where.half_width
+        in_water = self.water is not None and self.ground(episode) < self.water - WADING
+        return in_water or beyond > FAR_FROM_ROAD
 
     def ground(self, episode: Episode) -> float:
         """Return the height (metres) of the surface under a car: the road, or the terrain some metres beside it."""

@@ -10,6 +10,8 @@ STEERING_STEP = 0.05  # per tick; a key reaches full lock in 0.4 s, as in the Un
 MOUSE_SPAN = 0.25  # distance of dragging the mouse for full lock, as a share of the window's width
 DEAD_ZONE = 0.1  # of the stick, because worn sticks do not return exactly to 0
 
+NOTE_SECONDS = 4.0
+
 LEFT, RIGHT = {"arrow_left", "a"}, {"arrow_right", "d"}
 FORWARD, BACKWARD = {"arrow_up", "w"}, {"arrow_down", "s"}
 MOUSE = "mouse1"
@@ -58,6 +60,17 @@ class Controls:
         """Handle the release of a key."""
         self.held.discard(key)
 
+    @property
+    def steers(self) -> bool:
+        """Whether a person steers: a steering key, the mouse or the stick is held."""
+        return bool(self.held & (LEFT | RIGHT | {MOUSE})) or (self.pad is not None and abs(self.pad.stick) > DEAD_ZONE)
+
+    @property
+    def pedals(self) -> bool:
+        """Whether a person accelerates or brakes."""
+        pad = self.pad is not None and max(self.pad.accelerator, self.pad.brake) > DEAD_ZONE
+        return bool(self.held & (FORWARD | BACKWARD)) or pad
+
     def tick(self) -> tuple[float, float]:
         """Return the command (steering, throttle; -1..1 each) for the next tick; to be called once per tick."""
         self.steering = self._steer()
@@ -87,13 +100,31 @@ class ManualDriving:
     """Moves the car of an episode by manual controls in real time, in ticks of 20 ms at any frame rate.
 
     Attributes:
+        keys: text of the help.
+        note: message to be displayed.
         done: always False; the drive ends when the window is closed.
     """
 
-    done = False
+    keys, done = "Arrows/WASD drive    Mouse held steers    ", False
 
-    def __init__(self, episode: Episode, controls: Controls, on_tick: Callable[[CarState], None] | None = None) -> None:
-        self.episode, self.controls, self.on_tick = episode, controls, on_tick
+    def __init__(
+        self,
+        episode: Episode,
+        controls: Controls,
+        on_tick: Callable[[CarState], None] | None = None,
+        is_lost: Callable[[Episode], bool] = lambda _: False,
+    ) -> None:
+        """Create a control.
+
+        Args:
+            episode: whose car is moved.
+            controls: of the person.
+            on_tick: called with the state after each tick.
+            is_lost: whether the car is where it cannot drive, such as in the lake; it is put back onto the road then.
+        """
+        self.episode, self.controls, self.on_tick, self.is_lost = episode, controls, on_tick, is_lost
+        self.note = ""
+        self._noted = 0.0  # s since the note was made
         self._clock = TickClock()
 
     def advance(self, seconds: float) -> None:
@@ -102,3 +133,9 @@ class ManualDriving:
             state = self.episode.advance(*self.controls.tick())
             if self.on_tick is not None:
                 self.on_tick(state)
+        self._noted += seconds
+        if self.is_lost(self.episode):
+            self.episode.place(self.episode.where.progress)
+            self.note, self._noted = "too far from the road: the car was put back", 0.0
+        elif self._noted > NOTE_SECONDS:
+            self.note = ""

@@ -16,6 +16,7 @@ from pilot.simulator.episode import CarState
 
 UNITS = 540.0  # height of the window in the units of this file, independent of its size in pixels
 MARGIN = 18.0
+STANDING_MPH, STANDING_SECONDS = 0.5, 3.0  # a car slower than this, for so long, has stopped
 BAR, THICK, MARK = 260.0, 8.0, 10.0  # width and height of the steering bar, width of its mark
 Rgba = tuple[float, float, float, float]
 WHITE, RED, ORANGE, SHADE = (1, 1, 1, 1), (0.8, 0.1, 0.08, 0.9), (1, 0.72, 0.2, 1), (0, 0, 0, 0.45)
@@ -23,29 +24,47 @@ WHITE, RED, ORANGE, SHADE = (1, 1, 1, 1), (0.8, 0.1, 0.08, 0.9), (1, 0.72, 0.2, 
 
 @dataclass
 class LapClock:
-    """Counts and times laps.
+    """Counts and times laps; it stops while the car stands.
 
     Attributes:
         laps: number of completed laps.
+        seconds: time of the current lap.
         last: time of the last completed lap in s; None before.
     """
 
     laps: int = 0
+    seconds: float = 0.0
     last: float | None = None
-    _began: float = 0.0
+    _time: float = 0.0
+    _stood_since: float | None = 0.0
 
-    def update(self, time: float, laps: float) -> None:
-        """Update with the time in s and the laps (with fraction) since the start; to be called once per frame."""
-        if laps >= self.laps + 1:
-            self.laps, self.last, self._began = int(laps), time - self._began, time
-
-    def text(self, time: float) -> str:
-        """Return a text with the number and time of the current lap and the time of the last one.
+    def update(self, time: float, laps: float, mph: float) -> None:
+        """Update the clock; to be called once per frame.
 
         Args:
             time: s since the start.
+            laps: since the start, with fraction.
+            mph: speed of the car.
         """
-        now = f"Lap {self.laps + 1}    {_clock(time - self._began)}"
+        if abs(mph) > STANDING_MPH:
+            self._stood_since = None
+        elif self._stood_since is None:
+            self._stood_since = time
+        if not self.stopped:
+            self.seconds += time - self._time
+        self._time = time
+        if laps >= self.laps + 1:
+            self.laps, self.last, self.seconds = int(laps), self.seconds, 0.0
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the car has not moved yet, or has stood for some time."""
+        since = self._stood_since
+        return since is not None and (since == 0 or self._time - since > STANDING_SECONDS)
+
+    def text(self) -> str:
+        """Return a text with the number and time of the current lap and the time of the last one."""
+        now = f"Lap {self.laps + 1}    {_clock(self.seconds)}"
         return now if self.last is None else f"{now}    last {_clock(self.last)}"
 
 
@@ -111,12 +130,12 @@ class Hud:
             rows: number of recorded rows; None while not recording.
             note: message to be displayed.
         """
-        self.clock.update(state.time, laps)
+        self.clock.update(state.time, laps, state.speed)
         _write(self._speed, f"{abs(state.speed):.0f} mph{' R' if state.speed < -0.5 else ''}")
-        _write(self._laps, self.clock.text(state.time))
+        _write(self._laps, self.clock.text())
         _write(self._recording, "" if rows is None else f"RECORDING  {rows}")
         _write(self._note, note)
-        _write(self._warning, "" if state.on_road else "OFF THE ROAD")
+        _write(self._warning, "" if state.on_road else "OFF THE ROAD    Backspace: back to the road")
         _write(self._keys, self.keys if self.help else "")
         self._mark.set_x(state.steering * BAR / 2)
 

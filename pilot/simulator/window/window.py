@@ -40,7 +40,7 @@ log = logging.getLogger("pilot")
 SIZE = (960, 540)  # pixels
 PIPES = ("pandagl", "p3tinydisplay")  # OpenGL; if it is not available, Panda3D's software renderer
 FRAME_SECONDS = TICK  # a higher frame rate would repeat images, because the car moves once per tick
-DRIVING_KEYS, RECORDING_KEYS = "Arrows/WASD drive    Mouse held steers    ", "R record    "
+RECORDING_KEYS = "R record    "
 KEYS = "Backspace back to road    C camera    H help    Esc quit"
 BEHIND, ABOVE = 6.5, 2.4  # metres, position of the chase camera relative to the rear axle
 CLEARANCE = 1.0  # metres, minimum height of the chase camera above the ground
@@ -52,7 +52,15 @@ NO_DISPLAY = (
 
 
 class Control(Protocol):
-    """Interface of an object that moves the car."""
+    """Interface of an object that moves the car.
+
+    Attributes:
+        keys: text of the help: its keys and their functions.
+        note: message to be displayed.
+    """
+
+    keys: str
+    note: str
 
     def advance(self, seconds: float) -> None:
         """Move the car by the time in s since the last call."""
@@ -130,17 +138,14 @@ class Window:
         Raises:
             KeyboardInterrupt: on Ctrl-C or SIGTERM.
         """
-        self._hud.keys = (
-            (DRIVING_KEYS if isinstance(control, ManualDriving) else "")
-            + (RECORDING_KEYS if self.capture else "")
-            + KEYS
-        )
+        self._hud.keys = control.keys + (RECORDING_KEYS if self.capture else "") + KEYS
         then = time.monotonic()
         with catch_interrupt() as interrupt:
             while not (self._quit or interrupt.asked or control.done):
                 time.sleep(max(then + FRAME_SECONDS - time.monotonic(), 0.0))
                 then, before = time.monotonic(), then
                 control.advance(then - before)
+                self.note = control.note
                 self.draw(then - before)
                 self.handle_keys()
             interrupt.raise_if_asked()
@@ -287,4 +292,4 @@ def drive_manually(track: str, light: str | None, out: Path) -> None:
             Capture(out, simulator.look) as capture,
             Window(simulator.episode, simulator.renderer.scene, capture, title=track) as window,
         ):
-            window.run(ManualDriving(simulator.episode, window.controls, capture.add))
+            window.run(ManualDriving(simulator.episode, window.controls, capture.add, window.scene.is_lost))

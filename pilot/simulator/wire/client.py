@@ -29,6 +29,7 @@ TOKENS = 2  # telemetry messages in flight; two, because the Unity simulator's "
 FRAME_SECONDS = 1 / 60  # real time: interval of frames, and minimum interval of telemetry
 TICKS_PER_ANSWER = 2  # fast mode; 40 ms, about the interval of the Unity simulator's telemetry
 SILENCE_SECONDS = 5.0  # without an answer until a warning
+Command = tuple[float, float]  # steering and throttle, -1..1 each
 NUMBER = re.compile(r"\s*[-+]?[\d,]*\.?\d*(e[-+]?\d+)?\s*", re.ASCII | re.IGNORECASE)
 
 
@@ -71,7 +72,8 @@ class Client:
     Attributes:
         episode: the car on its track.
         command: the server's last steering and throttle, -1..1.
-        manual: steering and throttle of manual driving, used instead of `command`; None: the server drives.
+        manual: returns steering and throttle of manual driving for each tick, used instead of `command`; None: the
+            server drives. As in the Unity simulator, telemetry is empty then.
         answers, lost: as in Summary.
     """
 
@@ -102,7 +104,7 @@ class Client:
         self.realtime, self.patience, self.on_tick = realtime, patience, on_tick
         self.referee = referee or Referee(episode, rule=WHEN_LOST)
         self.command = (0.0, 0.0)
-        self.manual: tuple[float, float] | None = None
+        self.manual: Callable[[], Command] | None = None
         self.answers = self.lost = 0
         self._link = Link(port, host, prompt=not realtime)
         self._owed = 0  # answers to which no telemetry was sent yet
@@ -195,7 +197,7 @@ class Client:
         for _ in range(ticks):
             if self.done:
                 break
-            state = self.episode.advance(*(self.manual or self.command))
+            state = self.episode.advance(*(self.manual() if self.manual else self.command))
             self.referee.observe(state)
             if self.on_tick is not None:
                 self.on_tick(state)

@@ -4,20 +4,16 @@ import contextlib
 import csv
 import logging
 import os
-import shutil
 import signal
 import subprocess
 import sys
-import threading
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from conftest import REPOSITORY, circle
+from screen import PATIENCE, Screen, wait_for
 
 from pilot.simulator.episode import Episode
 from pilot.simulator.simulator import Simulator
@@ -25,8 +21,6 @@ from pilot.simulator.window.capture import Capture
 from pilot.simulator.window.hud import LapClock
 from pilot.vehicle import CAMERAS
 
-WIDTH, HEIGHT = 960, 540
-PATIENCE = 30.0  # s
 BY_HAND = """
 import logging, sys
 from pathlib import Path
@@ -40,8 +34,8 @@ from pilot.simulator.window import window
 from pilot.simulator.simulator import Simulator
 
 class Control:
-    done = False
-    said = False
+    done = said = False
+    keys = note = ""
     def advance(self, seconds):
         if self.ends:
             self.done = drive.advance(0, 1).time > 0.1
@@ -60,83 +54,6 @@ with Simulator() as simulator:
         print("closed", flush=True)
         drive.place(50, offset=9)
 """
-
-
-class Screen:
-    """A display that nobody sees: what is on it, and keys pressed on it."""
-
-    def __init__(self, number: int, folder: Path) -> None:
-        self.environment = {**os.environ, "DISPLAY": f":{number}"}
-        self._file = folder / "Xvfb_screen0"
-
-    def picture(self) -> np.ndarray:
-        """What is on it: rows x columns x 3, RGB."""
-        data = self._file.read_bytes()
-        head = np.frombuffer(data[:100], ">u4")  # XWD: size of the header, ..., columns, rows, ..., colours
-        start = int(head[0] + 12 * head[19])
-        pixels = np.frombuffer(data[start : start + 4 * WIDTH * HEIGHT], np.uint8)
-        return pixels.reshape(HEIGHT, WIDTH, 4)[:, :, 2::-1]
-
-    def do(self, *what: str) -> None:
-        subprocess.run(["xdotool", *what], env=self.environment, check=True, capture_output=True, timeout=PATIENCE)
-
-    @contextmanager
-    def run(self, script: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
-        with subprocess.Popen(
-            [sys.executable, "-c", script, *arguments],
-            env=self.environment,
-            cwd=REPOSITORY,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        ) as process:
-            impatience = threading.Timer(10 * PATIENCE, process.kill)  # each step has its own limit
-            impatience.start()
-            try:
-                yield process
-            finally:
-                impatience.cancel()
-                process.kill()
-
-
-@pytest.fixture(scope="module")
-def screen(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Screen]:
-    for tool in ("Xvfb", "xdotool"):
-        if shutil.which(tool) is None:
-            pytest.skip(f"{tool} is not installed")
-    folder = tmp_path_factory.mktemp("screen")
-    # not :0, where Panda3D would look for a display if none is named
-    first = 90 + os.getpid() % 1000  # tests that run at the same time would take the same one
-    number = next(number for number in range(first, 9999) if not Path(f"/tmp/.X{number}-lock").exists())
-    with subprocess.Popen(
-        [
-            "Xvfb",
-            f":{number}",
-            "-displayfd",
-            "1",
-            "-screen",
-            "0",
-            f"{WIDTH}x{HEIGHT}x24",
-            "-nolisten",
-            "tcp",
-            "-fbdir",
-            str(folder),
-        ],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-    ) as server:
-        try:
-            assert server.stdout.readline().split() == [str(number).encode()]  # it is ready
-            yield Screen(number, folder)
-        finally:
-            server.terminate()
-
-
-def wait_for(true: Callable[[], bool], seconds: float = PATIENCE) -> None:
-    deadline = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
 
 
 def is_road(picture: np.ndarray) -> bool:
@@ -317,9 +234,20 @@ def test_a_disk_that_is_full_at_the_end_is_said(tmp_path: Path) -> None:
 
 def test_laps_and_their_times() -> None:
     clock = LapClock()
-    for time_now, laps in ((0.0, 0.0), (30.0, 0.5), (29.0, 0.4), (61.26, 1.001), (62.0, 0.999)):
-        clock.update(time_now, laps)
-    assert clock.text(62.0) == "Lap 2    0:00.7    last 1:01.3"
-    clock.update(100.0, 2.0)
-    assert clock.text(110.0) == "Lap 3    0:10.0    last 0:38.7"
-    assert LapClock().text(9.94) == "Lap 1    0:09.9"
+    for time_now, laps in ((0.0, 0.0), (30.0, 0.5), (50.0, 0.4), (61.26, 1.001), (62.0, 0.999)):
+        clock.update(time_now, laps, 20.0)
+    assert clock.text() == "Lap 2    0:00.7    last 1:01.3"
+    clock.update(100.0, 2.0, 20.0)
+    assert clock.text() == "Lap 3    0:00.0    last 0:38.7"
+
+
+def test_the_lap_clock_stops_while_the_car_stands() -> None:
+    clock = LapClock()
+    for tick in range(1000):  # has not driven yet
+        clock.update(tick / 50, 0.0, 0.0)
+    assert clock.text() == "Lap 1    0:00.0"
+    for tick in range(1000, 1500):
+        clock.update(tick / 50, 0.2, 20.0)
+    for tick in range(1500, 99999):
+        clock.update(tick / 50, 0.2, 0.1)
+    assert clock.text() == "Lap 1    0:13.0"  # 10 s of driving, and 3 s before it counts as standing

@@ -386,7 +386,7 @@ def test_somebody_at_the_keyboard_drives_instead() -> None:
     with serving(lambda data: expert(data) if data else '42["manual",{}]') as server:
         client = client_of(server, realtime=True)
         until(lambda: client.answers, client)
-        client.manual = (-0.5, 1.0)
+        client.manual = lambda: (-0.5, 1.0)
         until(lambda: None in server.telemetry, client)
         client.advance(0.1)
         assert (client.episode.state.steering, client.episode.state.throttle) == (-0.5, 1.0)
