@@ -24,10 +24,13 @@ MAY_CHANGE = {"resume", "epochs", "patience", "min_delta", "tensorboard", "devic
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Train with the options in `arguments` (default: sys.argv), and return the exit code."""
+    """Train, or improve a model, with the words in `arguments` (default: sys.argv); return the exit code."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if words[:1] == ["improve"]:
+        return cli.run(PROGRAM, lambda: improve_model(words[1:]))
 
     def train() -> None:
-        config = parse_options(sys.argv[1:] if arguments is None else arguments)
+        config = parse_options(words)
         config.check()
         run(config)
 
@@ -55,6 +58,17 @@ def run(config: TrainingConfig) -> None:
             record_if_empty(*config.folders)
         processes.barrier()
         train(config, processes, process_settings.use_threads)
+
+
+def improve_model(words: Sequence[str]) -> None:
+    """Improve a model in the built-in simulator, with the options in `words`."""
+    from pilot.training.improvement import ImproveConfig, improve  # imports PyTorch
+
+    config = tyro.cli(ImproveConfig, prog=f"{PROGRAM} improve", args=words)
+    config.check()
+    process_settings.for_training()
+    check_replaceable(config.out)
+    improve(config, process_settings.use_threads)
 
 
 def check_replaceable(out: Path) -> None:

@@ -97,6 +97,15 @@ _REAL = replace(
     samples=SampleConfig(side_correction=0.05, smooth_seconds=0.6, validation_share=0.1),
     augment=AugmentConfig(brightness=0, shadow=0.5, saturation=0.25),
 )
+# For learning from the expert's corrections, together with earlier demonstrations: see `pilot.training.improvement`.
+IMPROVEMENT = replace(
+    _BUILT_IN,
+    recipe="improve",
+    epochs=2,
+    learning_rate=5e-4,
+    warm_up=50,
+    samples=replace(_BUILT_IN.samples, correction_weight=1),
+)
 RECIPES: dict[str, TrainingConfig] = {
     "default": TrainingConfig(),
     "built-in": _BUILT_IN,
