@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from pilot.data.frame_cache import FrameCache
+from pilot.data.left_out import is_left_out, read_left_out
 from pilot.data.log_format import LOG_NAME, NUMBERS, LogLine, read_log, time_of
 from pilot.data.steered_by import CORRECTING, read_steered_by
 from pilot.progress import ProgressBar, no_bar
@@ -132,7 +133,9 @@ def _read_log(log: Path, recording: int) -> tuple[pd.DataFrame, Counter[str]]:
     table = columns.table(recording)
     steered_by = table["center"].map(_steerers(log))
     table["correction"] = steered_by.isin(CORRECTING)
+    by_hand = is_left_out(table["center"].tolist(), read_left_out(log.parent))
     faults = _faults(table).mask((steered_by == "model") & (table["center"] != ""), "steered by the model")
+    faults = faults.mask(by_hand & (faults == ""), "left out by hand")
     left_out = Counter(faults[faults != ""].tolist())
     rows = table[faults == ""].reset_index(drop=True)
     left_out += Counter({"side image missing": int(rows["missing"].sum())})

@@ -5,6 +5,7 @@ import pytest
 from conftest import Recording, picture, stamp, steering_of, write_picture
 
 from pilot.data.driving_log import NoUsableData, read_driving_logs
+from pilot.data.left_out import LeftOut, read_left_out, write_left_out
 from pilot.data.steered_by import STEERED_BY, format_steered_by
 
 WINDOWS = "C:\\Users\\Doe, John\\IMG\\"
@@ -222,6 +223,21 @@ def test_leaves_out_what_a_model_steered_before_it_was_corrected(recording: Reco
     assert log.rows["steering"].tolist() == EXPECTED[5:]
     assert log.rows["correction"].tolist() == [True] * 5 + [False] * 2
     assert log.left_out[0] == {"steered by the model": 5}
+
+
+def test_leaves_out_what_the_user_leaves_out(recording: Recording) -> None:
+    folder = recording(moments=12)
+    image = "center_{}.jpg".format
+    before = (folder / "driving_log.csv").read_bytes()
+    ranges = [LeftOut(image(stamp(2)), image(stamp(4)), "crash, and reset"), LeftOut("gone.jpg", image(stamp(9)))]
+    write_left_out(folder, ranges)
+    assert read_left_out(folder) == ranges
+    log = read_driving_logs([folder])
+    assert log.rows["steering"].tolist() == EXPECTED[:2] + EXPECTED[5:]
+    assert log.left_out[0] == {"left out by hand": 3}
+    write_left_out(folder, [])
+    assert len(read_driving_logs([folder]).rows) == 12
+    assert (folder / "driving_log.csv").read_bytes() == before
 
 
 def test_a_recording_without_corrections_has_none(recording: Recording) -> None:
