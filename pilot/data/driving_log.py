@@ -80,7 +80,11 @@ def find_recordings(folders: Sequence[Path]) -> list[Path]:
 
 
 def read_driving_logs(
-    folders: Sequence[Path], progress: ProgressBar[str] = no_bar, cache: FrameCache | None = None
+    folders: Sequence[Path],
+    progress: ProgressBar[str] = no_bar,
+    cache: FrameCache | None = None,
+    *,
+    annotated: bool = True,
 ) -> DrivingLog:
     """Read one or more recordings; unusable rows and images are left out and counted by reason.
 
@@ -88,12 +92,14 @@ def read_driving_logs(
         folders: recordings, or folders that contain recordings.
         progress: progress bar over the images being checked.
         cache: cache that checks the images and stores their frames; None: the frames are not stored.
+        annotated: leave out what the files beside the log say: the user's left_out.csv, and the model's driving in
+            recordings of corrections.
 
     Raises:
         NoUsableData: no row can be used; the message names the files, the reasons and what to do.
     """
     logs = find_recordings(folders)
-    parts = [_read_log(log, number) for number, log in enumerate(logs)]
+    parts = [_read_log(log, number, annotated=annotated) for number, log in enumerate(logs)]
     rows = pd.concat([rows for rows, _ in parts], ignore_index=True)
     left_out = tuple(counts for _, counts in parts)
     paths = [path for camera in CAMERAS for path in rows[camera] if path]
@@ -120,7 +126,7 @@ def _nothing_usable(logs: Sequence[Path], left_out: Sequence[Counter[str]]) -> s
     return f"no row can be used. {reasons}. {cure}"
 
 
-def _read_log(log: Path, recording: int) -> tuple[pd.DataFrame, Counter[str]]:
+def _read_log(log: Path, recording: int, *, annotated: bool) -> tuple[pd.DataFrame, Counter[str]]:
     """Return the usable rows of a log, judged without reading the images, and counts of what is left out."""
     images = _images_beside(log)
     columns = _Columns()
@@ -133,9 +139,11 @@ def _read_log(log: Path, recording: int) -> tuple[pd.DataFrame, Counter[str]]:
     table = columns.table(recording)
     steered_by = table["center"].map(_steerers(log))
     table["correction"] = steered_by.isin(CORRECTING)
-    by_hand = is_left_out(table["center"].tolist(), read_left_out(log.parent))
-    faults = _faults(table).mask((steered_by == "model") & (table["center"] != ""), "steered by the model")
-    faults = faults.mask(by_hand & (faults == ""), "left out by hand")
+    faults = _faults(table)
+    if annotated:
+        by_hand = is_left_out(table["center"].tolist(), read_left_out(log.parent))
+        faults = faults.mask((steered_by == "model") & (faults == ""), "steered by the model")
+        faults = faults.mask(by_hand & (faults == ""), "left out by hand")
     left_out = Counter(faults[faults != ""].tolist())
     rows = table[faults == ""].reset_index(drop=True)
     left_out += Counter({"side image missing": int(rows["missing"].sum())})
