@@ -137,7 +137,7 @@ def _count(rows: pd.DataFrame, seconds: float) -> int:
 
 def row_scores(scores: dict[str, Floats]) -> Floats:
     """Return the highest score of each row (n)."""
-    return np.max(list(scores.values()), axis=0)
+    return np.asarray(np.max(list(scores.values()), axis=0))
 
 
 def find_moments(scores: dict[str, Floats], gap: int = 10) -> list[Moment]:

@@ -11,22 +11,22 @@ from pilot.arrays import Frame
 from pilot.camera import path_pixels
 from pilot.vehicle import COLUMNS, FULL_LOCK, HALF_TRACK
 
-WHITE, AMBER, DARK = (255, 255, 255), (255, 170, 40), (30, 30, 30)
+WHITE, AMBER, DARK, GREEN = (255, 255, 255), (255, 170, 40), (30, 30, 30), (70, 220, 120)
 WHEEL_TURN = 4  # angle of the drawn steering wheel relative to that of the front wheels, to be clearly visible
 SUBPIXEL = 4  # fractional bits of coordinates, for antialiased lines
 
 
-def draw_path(frame: Frame, steering: float) -> None:
+def draw_path(frame: Frame, steering: float, colour: tuple[int, int, int] = GREEN) -> None:
     """Draw the path of the wheels for a steering (-1..1) into a frame (RGB, 2:1, any size)."""
     scale = frame.shape[1] / COLUMNS
     sides = [path_pixels(steering, lateral=side * HALF_TRACK) * scale for side in (-1, 1)]
     area = np.vstack([sides[0], sides[1][::-1]]).astype(np.int32)
     shade = frame.copy()
-    cv2.fillPoly(shade, [area], (70, 220, 120), cv2.LINE_AA)
+    cv2.fillPoly(shade, [area], colour, cv2.LINE_AA)
     cv2.addWeighted(shade, 0.35, frame, 0.65, 0, frame)
     for side in sides:
         points = (side * (1 << SUBPIXEL)).astype(np.int32)
-        cv2.polylines(frame, [points], False, (70, 220, 120), 2, cv2.LINE_AA, SUBPIXEL)
+        cv2.polylines(frame, [points], False, colour, 2, cv2.LINE_AA, SUBPIXEL)
 
 
 def draw_wheel(frame: Frame, steering: float) -> None:
