@@ -61,7 +61,7 @@ def serve(config: InspectConfig) -> None:
     from pilot.inspection.app import create_app
     from pilot.inspection.examiner import Examiner
     from pilot.inspection.inspected import InspectedRecording
-    from pilot.inspection.web import listening
+    from pilot.inspection.web import listening, serve_until_interrupted
     from pilot.progress import terminal_bar
 
     process_settings.for_training()
@@ -76,8 +76,7 @@ def serve(config: InspectConfig) -> None:
     show(f"{len(recordings)} recordings at {address} (Ctrl-C ends)")
     if config.browser:
         webbrowser.open(address)
-    with server:
-        server.serve_forever()
+    serve_until_interrupted(server)
 
 
 if __name__ == "__main__":

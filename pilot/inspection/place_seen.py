@@ -11,7 +11,7 @@ from pilot.data.frames import read_frame
 from pilot.evaluation.replay_road import BATCH, edge_network
 from pilot.progress import ProgressBar, no_bar
 
-SIDE_STRIDE = 3  # rows between those whose side cameras are looked at
+SIDE_STRIDE = 2  # rows between those whose side cameras are looked at
 
 
 @dataclass(frozen=True)

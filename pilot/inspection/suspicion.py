@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
+from scipy.ndimage import maximum_filter1d, median_filter, uniform_filter1d
 
 from pilot.arrays import Floats
 from pilot.data.motion import MAX_ACCELERATION, motion_breaks
@@ -24,7 +24,8 @@ AROUND_SECONDS = 1.0  # around a break of the drive that is suspicious too
 DISAGREEMENT_SECONDS = 2.0  # over which disagreements are averaged
 USUAL = 5.0  # times the usual disagreement (median) is the limit
 OFF_ROAD_METRES = 1.0  # by which a wheel is over the edge; the network errs by some decimetres
-BETWEEN_CAMERAS = 0.2  # metres; the right camera is 1.64 m right of the left one, and is seen so to half a metre
+SWAPPED_METRES = 0.4  # by which the right camera's image lies left of the left one's; it is 1.64 m right of it
+SWAPPED_ROWS = 7  # over which the median is taken: single images are misread
 
 REASONS = {
     "standing": "the car stands",
@@ -34,7 +35,6 @@ REASONS = {
     "turn": "the steering contradicts where the car went",
     "networks": "networks trained on the rest steer otherwise",
     "cameras": "left and right camera are swapped",
-    "center": "the centre picture is not from the centre camera",
     "off road": "off the road",
     "duplicate": "near duplicate of the picture before",
 }
@@ -64,7 +64,7 @@ def scores_of_log(rows: pd.DataFrame) -> dict[str, Floats]:
         return {
             "standing": np.where(speed < STANDING_MPH, 1.2, 0.0),
             "pause": _around(np.where((pause > LONGEST_GAP) | (pause < 0), 1.1, 0.0), rows, AROUND_SECONDS / 4),
-            "reset": _around(np.where(leap > 1, 1 + np.minimum(leap, 3), 0.0), rows, AROUND_SECONDS),
+            "reset": _around(np.where(leap > 1, np.clip(leap, 1, 2), 0.0), rows, AROUND_SECONDS),
         }
 
 
@@ -84,11 +84,11 @@ def scores_of_places(rows: pd.DataFrame, seen: PlaceSeen) -> dict[str, Floats]:
     usual_width = float(np.nanmedian(seen.half_widths))
     beyond = np.abs(seen.offsets) + HALF_TRACK - usual_width
     sides = pd.Series(seen.sides).interpolate(limit_direction="both").to_numpy(float)
-    smooth = _mean(np.nan_to_num(sides, nan=1.64), rows, AROUND_SECONDS)
+    steady = median_filter(np.nan_to_num(sides, nan=1.64), SWAPPED_ROWS)
     with np.errstate(invalid="ignore"):
         return {
             "off road": np.clip(_mean(beyond, rows, 0.5) / OFF_ROAD_METRES, 0, 3),
-            "cameras": np.where(smooth < -BETWEEN_CAMERAS, 3.0, 0.0),
+            "cameras": np.where(steady < -SWAPPED_METRES, 3.0, 0.0),
         }
 
 
