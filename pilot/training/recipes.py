@@ -84,18 +84,28 @@ _BUILT_IN = TrainingConfig(
     augment=AugmentConfig(flip=0, brightness=0, shadow=0, viewpoint_lookahead=None, saturation=0.25),
 )
 # For recordings of people in the Unity simulator, from the weights of models/built_in.pt, and for fine-tuning on a
-# person's laps. Steering is averaged, because most people use a keyboard. Labels return to the driver's path within 15
-# m, more gently than the demonstrations': people correct less. People also drive anywhere on the road, so that networks
-# trained by them alone hardly return to the middle; averaged with the weights of the model that did, they do, and agree
-# with people almost as well. Shadows, because the highest graphics setting draws hard ones.
+# person's laps. Steering is averaged, because most people use a keyboard. Views are displaced as far as a car is that
+# is about to leave the road; they return to the driver's path near in tight bends and far on straights, as people do.
+# People drive anywhere on the road, so that networks trained by them alone hardly return to its middle; averaged with
+# the weights of the model that did, they do, and agree with people almost as well. Shadows, because the highest
+# graphics setting draws hard ones.
 _REAL = replace(
     _BUILT_IN,
     recipe="real",
     epochs=6,
     learning_rate=7e-4,
-    start_share=0.4,
-    samples=SampleConfig(side_correction=0.05, smooth_seconds=0.6, validation_share=0.1),
-    augment=AugmentConfig(brightness=0, shadow=0.5, saturation=0.25),
+    start_share=0.25,
+    samples=SampleConfig(side_correction=0.03, smooth_seconds=0.6, validation_share=0.1),
+    augment=AugmentConfig(
+        brightness=0,
+        shadow=0.5,
+        saturation=0.25,
+        viewpoint=0.8,
+        viewpoint_metres=2.0,
+        viewpoint_degrees=14.0,
+        viewpoint_lookahead=20.0,
+        viewpoint_nearest=8.0,
+    ),
 )
 # For learning from the expert's corrections, together with earlier demonstrations: see `pilot.training.improvement`.
 IMPROVEMENT = replace(

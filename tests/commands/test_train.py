@@ -76,8 +76,8 @@ def test_fine_tunes_a_model_with_its_own_network(
     tuned = load_model(tmp_path / "model.pt")
     assert tuned.name == "lenet5"
     assert tuned.config["recipe"] == "real"
-    assert tuned.config["start_share"] == 0.4
-    assert "--start-share 0.4" in train("--data", "laps", "--recipe", "real", fails=True)
+    assert tuned.config["start_share"] == 0.25
+    assert "--start-share 0.25" in train("--data", "laps", "--recipe", "real", fails=True)
     assert "nothing.pt" in train("--data", "laps", "--start", "nothing.pt", fails=True)
 
 
