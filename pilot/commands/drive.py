@@ -120,7 +120,8 @@ def report(session: "DriveSession") -> list[str]:
         plural = "" if corrections.number == 1 else "s"
         lines.append(
             f"{corrections.number} correction{plural} in {corrections.folder}. To learn from them: python model.py "
-            f"--start {session.path} --data {corrections.parent} --data RECORDINGS_BEFORE --out corrected.pt"
+            f"--recipe {session.recipe} --start {session.path} --data {corrections.parent} --data RECORDINGS_BEFORE "
+            "--out corrected.pt"
         )
     return lines
 

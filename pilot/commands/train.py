@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from pilot import cli, process_settings
 from pilot.data.log_format import LOG_NAME
+from pilot.data.steered_by import STEERED_BY
 from pilot.files import sole_use
 from pilot.terminal import show
 from pilot.training.config import TrainingConfig, config_from_jsonable
@@ -120,8 +121,9 @@ def record_if_empty(folder: Path) -> None:
 
 
 def has_own_recordings(folder: Path) -> bool:
-    """Return whether a folder contains recordings other than the demonstrations of the built-in simulator."""
-    return any(folder / BUILT_IN not in log.parents for log in folder.rglob(LOG_NAME))
+    """Return whether a folder contains recordings other than built-in demonstrations, and corrections of a model."""
+    logs = (log for log in folder.rglob(LOG_NAME) if not (log.parent / STEERED_BY).exists())
+    return any(folder / BUILT_IN not in log.parents for log in logs)
 
 
 # Options

@@ -69,6 +69,11 @@ class DriveSession:
         self.path, self.model, self.autopilot.steer = path, driver.model, driver.steer
         log.info("%s drives", path)
 
+    @property
+    def recipe(self) -> str:
+        """Recipe by which the model can learn from its corrections: that for the simulator that it was made for."""
+        return "real" if self.model.config.get("recipe") in ("real", "default") else "corrections"
+
     # Recording
 
     def record_into(self, folder: Path, *, overwrite: bool = False) -> None:

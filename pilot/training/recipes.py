@@ -107,18 +107,14 @@ _REAL = replace(
         viewpoint_nearest=8.0,
     ),
 )
-# For learning from the expert's corrections, together with earlier demonstrations: see `pilot.training.improvement`.
-IMPROVEMENT = replace(
-    _BUILT_IN,
-    recipe="improve",
-    epochs=2,
-    learning_rate=5e-4,
-    warm_up=50,
-    samples=replace(_BUILT_IN.samples, correction_weight=1),
-)
+# For learning from corrections in the built-in simulator, together with earlier demonstrations.
+_CORRECTIONS = replace(_BUILT_IN, recipe="corrections", epochs=3, learning_rate=5e-4, warm_up=50)
+# The same with the expert's corrections, which are as many as the demonstrations: see `pilot.training.improvement`.
+IMPROVEMENT = replace(_CORRECTIONS, epochs=2, samples=replace(_BUILT_IN.samples, correction_weight=1))
 RECIPES: dict[str, TrainingConfig] = {
     "default": TrainingConfig(),
     "built-in": _BUILT_IN,
     **_REPORT_RECIPES,
     "real": _REAL,
+    "corrections": _CORRECTIONS,
 }
