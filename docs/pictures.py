@@ -3,7 +3,7 @@
     python docs/pictures.py model.pt
 
 The cameras' pictures of every track on one sheet; the two real roads from above; the page, photographed in
-headless Chromium while drive.py drives the lake; and a frame of a clip of that drive.
+headless Chromium while drive.py drives the lake; a frame of a clip of that drive; and the data page.
 """
 
 import contextlib
@@ -83,10 +83,12 @@ def _seen(simulator: Simulator, place: float) -> dict[str, Frame]:
 def driving(model: Path, run: Path) -> Iterator[None]:
     """drive.py drives the lake in the built-in simulator, and records it."""
     commands = (
-        ["drive.py", str(model), str(run), "--port", PORT],
+        ["drive.py", str(model.resolve()), run.name, "--port", PORT],
         ["simulator.py", "connect", "--track", "lake", "--headless", "--port", PORT],
     )
-    processes = [subprocess.Popen([sys.executable, str(ROOT / script), *rest]) for script, *rest in commands]
+    processes = [
+        subprocess.Popen([sys.executable, str(ROOT / script), *rest], cwd=run.parent) for script, *rest in commands
+    ]
     try:
         yield
     finally:
@@ -95,18 +97,61 @@ def driving(model: Path, run: Path) -> Iterator[None]:
             process.wait()
 
 
-def photograph(target: Path) -> None:
-    """The page, after half a minute of driving."""
+@contextlib.contextmanager
+def opened_browser(size: tuple[int, int]) -> Iterator[webdriver.Chrome]:
+    """A browser without a window, whose pages have a size in pixels."""
     options = webdriver.ChromeOptions()
-    for option in ("--headless", "--no-sandbox", "--disable-gpu", "--window-size=1060,900"):
+    for option in ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"):
         options.add_argument(option)
     browser = webdriver.Chrome(options, Service(shutil.which("chromedriver")))
-    browser.get(f"http://127.0.0.1:{PORT}/")
-    time.sleep(25)
-    browser.find_element(By.ID, "saliency").click()
-    time.sleep(5)
-    browser.save_screenshot(str(target))
-    browser.quit()
+    try:
+        resize(browser, size)
+        yield browser
+    finally:
+        browser.quit()
+
+
+def resize(browser: webdriver.Chrome, size: tuple[int, int]) -> None:
+    """Give the page a size in pixels."""
+    metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": size[0] < 500}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+
+
+def photograph(target: Path, narrow: Path) -> None:
+    """The page after half a minute of driving, of which a person steered a second; wide and narrow."""
+    with opened_browser((1280, 960)) as browser:
+        browser.get(f"http://127.0.0.1:{PORT}/")
+        time.sleep(18)
+        for event in ("keydown", "keyup"):
+            browser.execute_script(f"dispatchEvent(new KeyboardEvent('{event}', {{code: 'ArrowLeft'}}))")
+            time.sleep(0.3)
+        time.sleep(5)
+        browser.find_element(By.ID, "saliency").click()
+        time.sleep(5)
+        browser.save_screenshot(str(target))
+        resize(browser, (390, 1250))
+        time.sleep(2)
+        browser.save_screenshot(str(narrow))
+
+
+def photograph_data(model: Path, folder: Path, target: Path) -> None:
+    """The data page with a recording of the built-in simulator, in which the picture freezes."""
+    record = ["simulator.py", "record", "--track", "lake", "--laps", "0.6", "--line-spread", "0.5", "--wander", "0.4"]
+    subprocess.run([sys.executable, str(ROOT / record[0]), *record[1:], "--out", str(folder / "laps")], check=True)
+    pictures = sorted((folder / "laps" / "IMG").glob("center_*.jpg"))
+    for picture in pictures[301:330]:
+        shutil.copy(pictures[300], picture)
+    options = ["--model", str(model), "--no-networks", "--no-browser", "--port", PORT]
+    command = [sys.executable, str(ROOT / "inspect_data.py"), str(folder), *options]
+    with subprocess.Popen(command) as process, opened_browser((1280, 1180)) as browser:
+        time.sleep(15)
+        browser.get(f"http://127.0.0.1:{PORT}/")
+        while browser.execute_script("return !data?.predicted || byId('state').textContent !== ''"):
+            time.sleep(1)
+        browser.execute_script("nextMoment(1)")
+        time.sleep(2)
+        browser.save_screenshot(str(target))
+        process.send_signal(signal.SIGINT)
 
 
 def draw_clip_frame(run: Path, model: Path, target: Path) -> None:
@@ -127,8 +172,9 @@ def main(model: Path) -> None:
         run = Path(name) / "run1"
         with driving(model, run):
             time.sleep(8)
-            photograph(ROOT / "docs" / "page.png")
+            photograph(ROOT / "docs" / "page.png", ROOT / "docs" / "page_narrow.png")
         draw_clip_frame(run, model, ROOT / "docs" / "clip.png")
+        photograph_data(model, Path(name) / "data", ROOT / "docs" / "data_page.png")
 
 
 if __name__ == "__main__":
