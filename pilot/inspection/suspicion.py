@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter, uniform_filter1d
 
 from pilot.arrays import Floats
@@ -23,6 +24,9 @@ FROZEN = 0.4  # mean difference of two images (0..255) below which nothing moves
 AROUND_SECONDS = 1.0  # around a break of the drive that is suspicious too
 DISAGREEMENT_SECONDS = 2.0  # over which disagreements are averaged
 USUAL = 5.0  # times the usual disagreement (median) is the limit
+LATE_SECONDS = (0.35, 1.3)  # shortest and longest delay, or lead, of the steering that is looked for
+LATE_WINDOW = 3.0  # s over which turns and steering are compared
+BETTER = 0.5  # improvement of the mean squared difference, as a share of the remaining and the usual one
 OFF_ROAD_METRES = 1.0  # by which a wheel is over the edge; the network errs by some decimetres
 SWAPPED_METRES = 0.4  # by which the right camera's image lies left of the left one's; it is 1.64 m right of it
 SWAPPED_ROWS = 7  # over which the median is taken: single images are misread
@@ -33,6 +37,8 @@ REASONS = {
     "reset": "the speed jumps: crash or reset",
     "frozen": "the picture is frozen while the car moves",
     "turn": "the steering contradicts where the car went",
+    "late": "the steering comes early or late",
+    "crash": "the car stopped at once and stands",
     "networks": "networks trained on the rest steer otherwise",
     "cameras": "left and right camera are swapped",
     "off road": "off the road",
@@ -63,9 +69,18 @@ def scores_of_log(rows: pd.DataFrame) -> dict[str, Floats]:
     with np.errstate(invalid="ignore"):
         return {
             "standing": np.where(speed < STANDING_MPH, 1.2, 0.0),
+            "crash": _crashes(speed < STANDING_MPH, leap > 1),
             "pause": _around(np.where((pause > LONGEST_GAP) | (pause < 0), 1.1, 0.0), rows, AROUND_SECONDS / 4),
-            "reset": _around(np.where(leap > 1, np.clip(leap, 1, 2), 0.0), rows, AROUND_SECONDS),
+            "reset": np.maximum(np.where(leap > 1, np.clip(leap, 1, 2), 0.0), _around(leap > 1, rows, AROUND_SECONDS)),
         }
+
+
+def _crashes(stands: NDArray[np.bool_], leaps: NDArray[np.bool_]) -> Floats:
+    """Return 2.5 where the car stands since its speed leapt to 0, otherwise 0 (n)."""
+    begins = stands & ~np.concatenate([[False], stands[:-1]])
+    stretch = np.cumsum(begins)
+    crashed = np.isin(stretch, stretch[begins & leaps])
+    return np.where(stands & crashed, 2.5, 0.0)
 
 
 def scores_of_images(rows: pd.DataFrame, seen: MotionSeen) -> dict[str, Floats]:
@@ -76,6 +91,7 @@ def scores_of_images(rows: pd.DataFrame, seen: MotionSeen) -> dict[str, Floats]:
         "frozen": _around(np.where(still & moving, 4.0, 0.0), rows, 0.1),
         "duplicate": np.where(still & ~moving, 1.1, 0.0),
         "turn": _disagreement(rows, seen.turns - _fitted(seen.turns, _steered_turns(rows))),
+        "late": _lateness(rows, seen.turns, _fitted(seen.turns, _steered_turns(rows))),
     }
 
 
@@ -113,6 +129,19 @@ def _fitted(seen: Floats, steered: Floats) -> Floats:
     return slope * steered
 
 
+def _lateness(rows: pd.DataFrame, seen: Floats, steered: Floats) -> Floats:
+    """Return how much better the turns seen fit to earlier or later steering, relative to `BETTER`, at most 3 (n)."""
+    apart = motion_breaks(rows).to_numpy()
+    lags = [lag for lag in range(_count(rows, LATE_SECONDS[1]) + 1) if lag >= _count(rows, LATE_SECONDS[0])]
+    errors = {
+        lag: _mean(np.where(apart, 0, (seen - np.roll(steered, -lag)) ** 2), rows, LATE_WINDOW)
+        for lag in [0, *lags, *(-lag for lag in lags)]
+    }
+    now = errors.pop(0)
+    best = np.min(list(errors.values()), axis=0)
+    return np.asarray(np.clip((now - best) / (best + np.median(now) + 1e-9) / BETTER, 0, 3))
+
+
 def _disagreement(rows: pd.DataFrame, differences: Floats) -> Floats:
     """Return the mean absolute difference around each row, relative to `USUAL` times what is usual."""
     differences = np.where(motion_breaks(rows), 0.0, differences)
@@ -125,8 +154,8 @@ def _mean(values: Floats, rows: pd.DataFrame, seconds: float) -> Floats:
     return np.asarray(uniform_filter1d(values, _count(rows, seconds), mode="nearest"))
 
 
-def _around(values: Floats, rows: pd.DataFrame, seconds: float) -> Floats:
-    return np.asarray(maximum_filter1d(values, 2 * _count(rows, seconds) + 1))
+def _around(values: Floats | NDArray[np.bool_], rows: pd.DataFrame, seconds: float) -> Floats:
+    return np.asarray(maximum_filter1d(np.asarray(values, float), 2 * _count(rows, seconds) + 1))
 
 
 def _count(rows: pd.DataFrame, seconds: float) -> int:
