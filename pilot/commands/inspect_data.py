@@ -3,9 +3,10 @@
 import logging
 import sys
 import webbrowser
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import tyro
 
@@ -17,7 +18,10 @@ PROGRAM = cli.program("inspect_data.py")
 
 @dataclass(frozen=True)
 class InspectConfig:
-    """Show recordings in the browser: what they contain, which moments are suspicious; leave ranges out."""
+    """Show recordings in the browser: what they contain, which moments are suspicious; leave ranges out.
+
+    Other commands: inspect_data.py export --help and inspect_data.py import --help, for donkeycar's data sets.
+    """
 
     data: tyro.conf.Positional[tuple[Path, ...]] = (Path("data"),)
     """Recordings, or folders of recordings."""
@@ -34,15 +38,55 @@ class InspectConfig:
     """Open the page in the browser."""
 
 
+@dataclass(frozen=True)
+class ExportConfig:
+    """Write a recording as a data set of donkeycar (tub v2): centre camera, steering, throttle and speed."""
+
+    recording: tyro.conf.Positional[Path]
+    """Folder of the recording."""
+    tub: tyro.conf.Positional[Path]
+    """Folder to write."""
+
+
+@dataclass(frozen=True)
+class ImportConfig:
+    """Write a data set of donkeycar (tub v2) as a recording."""
+
+    tub: tyro.conf.Positional[Path]
+    """Folder of the tub, with its manifest.json."""
+    recording: tyro.conf.Positional[Path]
+    """Folder to write."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Serve until Ctrl-C, with the options in `arguments` (default: sys.argv), and return the exit code."""
-    config = tyro.cli(InspectConfig, prog=PROGRAM, args=arguments)
+    """Run the command in `arguments` (default: sys.argv), and return the exit code."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    command = words.pop(0) if words and words[0] in COMMANDS else ""
+    config, action = COMMANDS[command]
+    options = tyro.cli(config, prog=f"{PROGRAM} {command}".strip(), args=words)
+    return cli.run(PROGRAM, lambda: action(options), verbose=True)
 
-    def inspect() -> None:
-        cli.check_address(config.host, config.port)
-        serve(config)
 
-    return cli.run(PROGRAM, inspect, verbose=True)
+def export_tub(config: ExportConfig) -> None:
+    """Write a recording as a tub."""
+    from pilot.data.driving_log import read_driving_logs
+    from pilot.data.tub import write_tub
+    from pilot.progress import terminal_bar
+
+    log = read_driving_logs([config.recording], terminal_bar, annotated=False)
+    if len(log.recordings) > 1:
+        raise ValueError(f"{config.recording}: holds {len(log.recordings)} recordings; name one of them")
+    write_tub(log.rows, log.recordings[0], config.tub, terminal_bar)
+    show(f"{len(log.rows)} records in {config.tub}")
+
+
+def import_tub(config: ImportConfig) -> None:
+    """Write a tub as a recording."""
+    from pilot.data import tub
+    from pilot.progress import terminal_bar
+
+    rows = tub.import_tub(tub.read_tub(config.tub), config.recording, terminal_bar)
+    show(f"{rows} rows in {config.recording}. To look at them: python inspect_data.py {config.recording}")
 
 
 def serve(config: InspectConfig) -> None:
@@ -54,6 +98,7 @@ def serve(config: InspectConfig) -> None:
         OSError: the port is in use.
     """
     process_settings.for_serving()
+    cli.check_address(config.host, config.port)
     # imported here, so that --help and invalid options do not wait for PyTorch
     from pilot.data.driving_log import find_recordings
     from pilot.driving.driver import Driver
@@ -77,6 +122,13 @@ def serve(config: InspectConfig) -> None:
     if config.browser:
         webbrowser.open(address)
     serve_until_interrupted(server)
+
+
+COMMANDS: dict[str, tuple[type[Any], Callable[[Any], None]]] = {
+    "": (InspectConfig, serve),
+    "export": (ExportConfig, export_tub),
+    "import": (ImportConfig, import_tub),
+}
 
 
 if __name__ == "__main__":
