@@ -78,8 +78,8 @@ def overlays(config: ClipConfig) -> "Overlays":
     glow = None
     if config.saliency:
         from pilot.model.checkpoint import load_model
-        from pilot.model.saliency import overlay, saliency
+        from pilot.video.glow import Glow
 
-        network = load_model(config.saliency).network
-        glow = lambda frame: overlay(frame, saliency(network, frame))  # noqa: E731
+        process_settings.for_driving()
+        glow = Glow(load_model(config.saliency).network)
     return Overlays(config.wheel, config.speed, config.path, glow)

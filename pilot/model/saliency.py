@@ -1,5 +1,6 @@
 """Saliency of image regions by VisualBackProp (Bojarski et al., arXiv 1611.05418)."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -17,7 +18,12 @@ SPATIAL = (nn.Conv2d, nn.MaxPool2d, nn.AvgPool2d)
 
 
 def saliency(network: SteeringNetwork, frame: Frame) -> NDArray[np.float32]:
-    """Return the contribution of each pixel of a 160x320x3 uint8 RGB frame: 160x320, 0..1.
+    """Return the contribution of each pixel of a 160x320x3 uint8 RGB frame: 160x320, 0..1."""
+    return saliency_of_all(network, [frame])[0]
+
+
+def saliency_of_all(network: SteeringNetwork, frames: Sequence[Frame]) -> list[NDArray[np.float32]]:
+    """Return the contribution of each pixel of n frames (160x320x3, uint8 RGB): n of 160x320, 0..1.
 
     The feature maps that enter each convolution or pooling layer are averaged over their channels. From the last layer
     to the first, the relevance is spread over each unit's receptive field and multiplied by the average there, so that
@@ -31,24 +37,24 @@ def saliency(network: SteeringNetwork, frame: Frame) -> NDArray[np.float32]:
     hooks = [layer.register_forward_hook(note) for layer in network.modules() if isinstance(layer, SPATIAL)]
     try:
         with torch.inference_mode():
-            network(torch.from_numpy(np.ascontiguousarray(frame)[None]))
-            relevance = _spread_back(entering)
+            network(torch.from_numpy(np.stack(frames)))
+            relevance = _spread_back(entering, len(frames))
     finally:
         for hook in hooks:
             hook.remove()
-    return _into_frame(relevance, network)
+    return [_into_frame(each, network) for each in relevance]
 
 
-def _spread_back(entering: list[tuple[nn.Module, Tensor]]) -> Tensor:
-    """Return the relevance (rows x columns) at the first layer's input."""
+def _spread_back(entering: list[tuple[nn.Module, Tensor]], count: int) -> Tensor:
+    """Return the relevance (n x rows x columns) at the first layer's input."""
     relevance = torch.ones(())
     for number, (layer, maps) in reversed(list(enumerate(entering))):
         average = maps.relu().mean(1, keepdim=True)
         seen = average.shape[-2:]
         spread = relevance if relevance.dim() == 0 else _spread(layer, relevance, seen)
         relevance = spread * average if number else spread  # the intensity of the pixels themselves does not count
-        relevance = relevance / relevance.amax().clamp_min(1e-12)
-    return relevance[0, 0] if relevance.dim() else torch.ones(1, 1)
+        relevance = relevance / relevance.amax((1, 2, 3), keepdim=True).clamp_min(1e-12)
+    return relevance[:, 0] if relevance.dim() else torch.ones(count, 1, 1)
 
 
 def _spread(layer: nn.Module, relevance: Tensor, size: torch.Size) -> Tensor:

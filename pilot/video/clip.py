@@ -1,8 +1,11 @@
 """Encoding of a recording as an H.264 video, with optional overlays."""
 
 import itertools
+import os
 import statistics
-from collections.abc import Callable, Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -20,6 +23,7 @@ from pilot.video.overlays import draw_path, draw_speed, draw_wheel
 
 DEFAULT_FPS = 15.0  # if the frames' names contain no time stamps
 SCALE_TO = 640  # pixels, minimum size at which overlays are legible
+GROUP = 16  # frames that a thread decorates at a time
 LARGEST = 16384  # pixels, the most that H.264 takes
 
 
@@ -43,13 +47,14 @@ class Overlays:
         wheel: a steering wheel.
         speed: the speed in mph.
         path: the path on the road that results from the steering.
-        saliency: function that returns a frame with the network's saliency drawn into it; None: no saliency.
+        saliency: function that returns frames with the network's saliency drawn into them; None: no saliency. It is
+            called in several threads at the same time.
     """
 
     wheel: bool = False
     speed: bool = False
     path: bool = False
-    saliency: Callable[[Frame], Frame] | None = None
+    saliency: Callable[[Sequence[Frame]], list[Frame]] | None = None
 
     @property
     def logged(self) -> bool:
@@ -166,14 +171,51 @@ def make_clip(
 def _pictures(
     frames: Iterable[Path], result: ClipResult, log_entries: dict[str, LogEntry], overlays: Overlays
 ) -> Iterator[Frame]:
-    for path in frames:
-        try:
-            frame = _read_frame(path)
-        except UnreadableImage:
+    """Yield the decorated frames in order; several threads work ahead, a group of frames each."""
+    cores = os.cpu_count() or 1
+    with ThreadPoolExecutor(cores) as executor:
+        waiting: deque[Future[list[Frame | None]]] = deque()
+        for group in _grouped(frames):
+            waiting.append(executor.submit(_decorate_group, group, log_entries, overlays))
+            if len(waiting) > cores:
+                yield from _finished(waiting.popleft(), result)
+        while waiting:
+            yield from _finished(waiting.popleft(), result)
+
+
+def _grouped(frames: Iterable[Path]) -> Iterator[list[Path]]:
+    iterator = iter(frames)
+    while group := list(itertools.islice(iterator, GROUP)):
+        yield group
+
+
+def _finished(group: "Future[list[Frame | None]]", result: ClipResult) -> Iterator[Frame]:
+    for frame in group.result():
+        if frame is None:
             result.unreadable += 1
-            continue
-        result.frames += 1
-        yield decorate(frame, log_entries.get(path.name, LogEntry()), overlays)
+        else:
+            result.frames += 1
+            yield frame
+
+
+def _decorate_group(paths: list[Path], log_entries: dict[str, LogEntry], overlays: Overlays) -> list[Frame | None]:
+    """Return frames with overlays; None for those that cannot be read."""
+    read = [_read_or_none(path) for path in paths]
+    frames = [frame for frame in read if frame is not None]
+    if overlays.saliency and frames:
+        frames = overlays.saliency(frames)
+    remaining = iter(frames)
+    return [
+        None if frame is None else decorate(next(remaining), log_entries.get(path.name, LogEntry()), overlays)
+        for path, frame in zip(paths, read, strict=True)
+    ]
+
+
+def _read_or_none(path: Path) -> Frame | None:
+    try:
+        return _read_frame(path)
+    except UnreadableImage:
+        return None
 
 
 def _read_frame(path: Path) -> Frame:
@@ -184,11 +226,9 @@ def _read_frame(path: Path) -> Frame:
 
 
 def decorate(frame: Frame, log_entry: LogEntry, overlays: Overlays) -> Frame:
-    """Return a frame with overlays, enlarged so that they are legible; unchanged if there are none."""
+    """Return a frame with the overlays of the log, enlarged so that they are legible; unchanged without overlays."""
     if not overlays.any:
         return frame
-    if overlays.saliency:
-        frame = overlays.saliency(frame)
     scale = max(SCALE_TO / max(frame.shape[:2]), 1)
     picture = _resize(frame, round(frame.shape[1] * scale), round(frame.shape[0] * scale))
     if overlays.path and log_entry.steering is not None:
