@@ -15,7 +15,7 @@ import pytest
 from conftest import REPOSITORY
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from serving import IMAGE, MESSAGE, Server, driven, steers
+from serving import IMAGE, MESSAGE, Server, driven, post, steers
 from wire import WireClient, drive, free_port, telemetry
 
 from pilot.data.driving_log import read_driving_logs
@@ -331,3 +331,31 @@ def test_the_set_speed_is_changed_on_the_page(server: Server) -> None:
     odd = [b'{"mph": true}', b'{"mph": NaN}', b'{"mph": 1e999}', b'[{"mph": 9}]', b'"mph"', b"9", b"[" * 1000, b"\xff"]
     assert [post(body) for body in odd] == [400] * len(odd)
     assert post(b'{"mph": 20}') == 200
+
+
+def test_what_is_posted_to_the_page_is_checked(server: Server) -> None:
+    def status(path: str, **body: object) -> int:
+        try:
+            post(server.port, path, body)
+            return 200
+        except urllib.error.HTTPError as error:
+            message = json.load(error)["error"]
+            return error.code if message else 0
+
+    odd = (
+        {"steering": 1.1},
+        {"steering": "0"},
+        {"steering": True},
+        {"steering": 0, "throttle": 2},
+        {},
+        {"throttle": 0},
+    )
+    assert [status("/wheel", **body) for body in odd] == [400] * len(odd)
+    outside = ("../model.pt", "/etc/passwd", "drive.log", "", "model.pt\0", None)
+    assert [status("/model", name=name) for name in outside] == [400] * len(outside)
+    (server.folder / "damaged.pt").write_bytes(b"no model")
+    assert status("/model", name="damaged.pt") == 400
+    assert status("/model", name="model.pt") == 200
+    assert [status("/recording", on=value) for value in ("yes", 1, None)] == [400] * 3
+    with server.free_client() as client:  # and the car drives on
+        assert steers(client, telemetry(IMAGE))[0] == "steer"
