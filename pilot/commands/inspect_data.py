@@ -6,7 +6,7 @@ import webbrowser
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import tyro
 
@@ -20,7 +20,8 @@ PROGRAM = cli.program("inspect_data.py")
 class InspectConfig:
     """Show recordings in the browser: what they contain, which moments are suspicious; leave ranges out.
 
-    Other commands: inspect_data.py export --help and inspect_data.py import --help, for donkeycar's data sets.
+    Other commands: inspect_data.py export --help and inspect_data.py import --help, for the formats of other
+    projects.
     """
 
     data: tyro.conf.Positional[tuple[Path, ...]] = (Path("data"),)
@@ -40,20 +41,22 @@ class InspectConfig:
 
 @dataclass(frozen=True)
 class ExportConfig:
-    """Write a recording as a data set of donkeycar (tub v2): centre camera, steering, throttle and speed."""
+    """Write a recording in the format of another project."""
 
     recording: tyro.conf.Positional[Path]
     """Folder of the recording."""
-    tub: tyro.conf.Positional[Path]
+    out: tyro.conf.Positional[Path]
     """Folder to write."""
+    format: Literal["tub", "lerobot"] = "tub"
+    """tub: donkeycar's tub v2; lerobot: LeRobot's data set v3 (Parquet and videos; needs pyarrow)."""
 
 
 @dataclass(frozen=True)
 class ImportConfig:
-    """Write a data set of donkeycar (tub v2) as a recording."""
+    """Write a data set of donkeycar (tub v2) or LeRobot (v3, needs pyarrow) as a recording."""
 
-    tub: tyro.conf.Positional[Path]
-    """Folder of the tub, with its manifest.json."""
+    dataset: tyro.conf.Positional[Path]
+    """Folder of the data set, with manifest.json (tub) or meta/info.json (LeRobot)."""
     recording: tyro.conf.Positional[Path]
     """Folder to write."""
 
@@ -67,25 +70,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return cli.run(PROGRAM, lambda: action(options), verbose=True)
 
 
-def export_tub(config: ExportConfig) -> None:
-    """Write a recording as a tub."""
+def export_recording(config: ExportConfig) -> None:
+    """Write a recording in the format of another project."""
     from pilot.data.driving_log import read_driving_logs
-    from pilot.data.tub import write_tub
+    from pilot.exchange.lerobot import write_dataset
+    from pilot.exchange.tub import write_tub
     from pilot.progress import terminal_bar
 
     log = read_driving_logs([config.recording], terminal_bar, annotated=False)
     if len(log.recordings) > 1:
         raise ValueError(f"{config.recording}: holds {len(log.recordings)} recordings; name one of them")
-    write_tub(log.rows, log.recordings[0], config.tub, terminal_bar)
-    show(f"{len(log.rows)} records in {config.tub}")
+    write = write_dataset if config.format == "lerobot" else write_tub
+    write(log.rows, log.recordings[0], config.out, terminal_bar)
+    show(f"{len(log.rows)} rows in {config.out}")
 
 
-def import_tub(config: ImportConfig) -> None:
-    """Write a tub as a recording."""
-    from pilot.data import tub
+def import_recording(config: ImportConfig) -> None:
+    """Write the data set of another project as a recording."""
+    from pilot.exchange.lerobot import INFO, import_dataset
+    from pilot.exchange.tub import import_tub, read_tub
     from pilot.progress import terminal_bar
 
-    rows = tub.import_tub(tub.read_tub(config.tub), config.recording, terminal_bar)
+    if (config.dataset / INFO).exists():
+        rows = import_dataset(config.dataset, config.recording, terminal_bar)
+    else:
+        rows = import_tub(read_tub(config.dataset), config.recording, terminal_bar)
     show(f"{rows} rows in {config.recording}. To look at them: python inspect_data.py {config.recording}")
 
 
@@ -126,8 +135,8 @@ def serve(config: InspectConfig) -> None:
 
 COMMANDS: dict[str, tuple[type[Any], Callable[[Any], None]]] = {
     "": (InspectConfig, serve),
-    "export": (ExportConfig, export_tub),
-    "import": (ImportConfig, import_tub),
+    "export": (ExportConfig, export_recording),
+    "import": (ImportConfig, import_recording),
 }
 
 

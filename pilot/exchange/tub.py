@@ -22,9 +22,10 @@ from pilot.data.driving_log import NoUsableData
 from pilot.data.frames import encode_frame
 from pilot.data.left_out import LeftOut, is_left_out, read_left_out, write_left_out
 from pilot.data.log_format import LOG_NAME, format_line, time_stamp
+from pilot.exchange.pictures import as_frame
 from pilot.files import move_when_done, unwritable, write_atomically
 from pilot.progress import ProgressBar, no_bar
-from pilot.vehicle import COLUMNS, MPH, PLAUSIBLE_SPEED_MPH, ROWS
+from pilot.vehicle import MPH, PLAUSIBLE_SPEED_MPH
 
 MANIFEST, IMAGES = "manifest.json", "images"
 INPUTS = {
@@ -193,14 +194,8 @@ def import_tub(tub: Tub, recording: Path, progress: ProgressBar[dict[str, Any]] 
 
 def _frame(tub: Path, name: Any) -> Frame | None:
     """Return an image as a frame; None if it is missing or damaged."""
-    data = cv2.imread(str(tub / IMAGES / Path(str(name)).name), cv2.IMREAD_COLOR_RGB)
-    if data is None:
-        return None
-    rows, columns = data.shape[:2]
-    height, width = min(rows, columns // 2), min(columns, 2 * rows)
-    top, left = (rows - height) // 2, (columns - width) // 2
-    cropped = data[top : top + height, left : left + width]
-    return np.asarray(cv2.resize(cropped, (COLUMNS, ROWS), interpolation=cv2.INTER_AREA), np.uint8)
+    image = cv2.imread(str(tub / IMAGES / Path(str(name)).name), cv2.IMREAD_COLOR_RGB)
+    return None if image is None else as_frame(image)
 
 
 def _time(record: dict[str, Any], number: int) -> datetime:

@@ -12,7 +12,7 @@ from pilot.commands.inspect_data import main
 from pilot.data.driving_log import NoUsableData, read_driving_logs
 from pilot.data.frames import read_frame
 from pilot.data.left_out import LeftOut, write_left_out
-from pilot.data.tub import RECORDS_PER_CATALOG, import_tub, read_tub
+from pilot.exchange.tub import RECORDS_PER_CATALOG, import_tub, read_tub
 
 
 def test_a_recording_survives_the_round_trip(recording: Recording, tmp_path: Path) -> None:
