@@ -210,7 +210,7 @@ def _write_video(paths: Any, video: Path, fps: int) -> None:
     with av.open(str(video), "w", format="mp4") as container:
         stream = container.add_stream("libx264", rate=Fraction(fps))
         stream.width, stream.height, stream.pix_fmt = COLUMNS, ROWS, "yuv420p"
-        stream.options = ENCODING
+        stream.options = {**ENCODING}
         for path in paths:
             container.mux(stream.encode(av.VideoFrame.from_ndarray(read_frame(path), format="rgb24")))
         container.mux(stream.encode())
