@@ -15,7 +15,10 @@ from pilot.model.networks import network_names
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """Train a network to steer on recorded laps, and write it to model.pt."""
+    """Train a network to steer on recorded laps, and write it to model.pt.
+
+    Another command: model.py improve --help, with which the built-in expert corrects a model.
+    """
 
     data: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
     """A recording, or a folder of recordings; may be given several times. Default: data/."""

@@ -89,12 +89,13 @@ class ImproveConfig:
         return self.data or ((built_in,) if built_in.is_dir() else ())
 
 
-def improve(config: ImproveConfig, set_up: Callable[[int], None]) -> None:
+def improve(config: ImproveConfig, set_up: Callable[[int], None], collect: "Collect | None" = None) -> None:
     """Improve a model for a time, or until the expert need not correct it any more; writes it after each round.
 
     Args:
         config: options.
         set_up: called with the number of threads for the main thread's operations, as soon as it is known.
+        collect: records what the model then learns from; None: `drive_round`. (A benchmark compares another way.)
 
     Raises:
         UnusableModel: the model cannot be loaded.
@@ -113,7 +114,7 @@ def improve(config: ImproveConfig, set_up: Callable[[int], None]) -> None:
     for number in range(rounds):
         length = (ends - time.monotonic()) / (rounds - number)
         round_ends = time.monotonic() + length
-        driven = drive_round(config, model, requests, number, length * DRIVING_SHARE)
+        driven = (collect or drive_round)(config, model, requests, number, length * DRIVING_SHARE)
         show(f"round {number + 1} of {rounds}: {describe(driven)}")
         if driven and not sum(drive.takeovers for drive in driven):
             show("No correction was necessary: more driving of this kind teaches nothing new.")
@@ -121,6 +122,9 @@ def improve(config: ImproveConfig, set_up: Callable[[int], None]) -> None:
         learn(config, model, before, round_ends, set_up)
         model = config.out
     show(f"model: {model}    corrections: {config.corrections}")
+
+
+Collect = Callable[[ImproveConfig, Path, Iterator[tuple[str, int]], int, float], list[CorrectedDrive]]
 
 
 def drives(config: ImproveConfig) -> Iterator[tuple[str, int]]:
