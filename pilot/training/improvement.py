@@ -31,8 +31,9 @@ from pilot.workers import run_tasks
 
 FIRST_ROAD = 10_000  # first seed of the random roads; those of demonstrations and tests are lower
 ROADS_PER_SEED = 10_000
-ROUND_SECONDS = 150.0  # approximate length of a round
+ROUND_SECONDS = 75.0  # approximate length of a round
 DRIVING_SHARE = 0.45  # of a round's time; the rest is for learning
+MOST_EPOCHS = 8  # of a round, if there are few rows
 FEWEST_ROWS = 1000  # from which a round learns, also if that takes longer
 TIMED_ROWS = 400  # with which the speed of learning is measured
 LAPS = 0.5  # of each drive, from a random position
@@ -176,8 +177,11 @@ def learn(config: ImproveConfig, model: Path, before: pd.DataFrame, ends: float,
     random = np.random.default_rng(config.seed)
     rows = mixed(log.rows, before, random)
     speed = _images_per_second(training, rows)
-    number = max(int((ends - time.monotonic()) * speed / training.epochs), FEWEST_ROWS)
-    _train(training, replace(log, rows=_some(rows, number, random).reset_index(drop=True)), set_up)
+    images = int((ends - time.monotonic()) * speed)  # that can be learned from until then
+    number = max(images // training.epochs, FEWEST_ROWS)
+    epochs = min(max(images // len(rows), training.epochs), MOST_EPOCHS)
+    rows = _some(rows, number, random).reset_index(drop=True)
+    _train(replace(training, epochs=epochs), replace(log, rows=rows), set_up)
 
 
 def mixed(corrections: pd.DataFrame, before: pd.DataFrame, random: np.random.Generator) -> pd.DataFrame:
