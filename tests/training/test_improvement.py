@@ -9,8 +9,9 @@ import pandas as pd
 import pytest
 
 from pilot.data.driving_log import read_driving_logs
+from pilot.evaluation import corrected_drive
 from pilot.evaluation.conditions import Conditions
-from pilot.evaluation.corrected_drive import VIEWS, CorrectedDriveRequest, CorrectedPolicy, drive_corrected
+from pilot.evaluation.corrected_drive import CorrectedDriveRequest, CorrectedPolicy, drive_corrected
 from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, load_model, save_model
 from pilot.simulator.expert import Expert
@@ -22,16 +23,21 @@ from pilot.training.improvement import ImproveConfig, drives, improve, mixed
 @pytest.fixture
 def model(tmp_path: Path) -> Path:
     """A model that has learned nothing: it steers straight on, more or less."""
-    save_model(tmp_path / "model.pt", Model("lenet", build_network("lenet", 1), {}, {}, {}))
+    save_model(tmp_path / "model.pt", Model("pilotnet", build_network("pilotnet", 1), {}, {}, {}))
     return tmp_path / "model.pt"
 
 
+@pytest.fixture(autouse=True)
+def few_views(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(corrected_drive, "VIEWS", 8)
+
+
 def test_the_expert_corrects_before_the_car_leaves_the_road(model: Path, tmp_path: Path) -> None:
-    request = CorrectedDriveRequest(model, "random:12", tmp_path / "drive", Conditions(laps=0.3))
+    request = CorrectedDriveRequest(model, "random:12", tmp_path / "drive", Conditions(laps=0.05))
     drive = drive_corrected(request)
     log = read_driving_logs([tmp_path / "drive"])
     assert drive.takeovers > 0
-    assert len(log.rows) == drive.rows > VIEWS * drive.takeovers
+    assert len(log.rows) == drive.rows > 8 * drive.takeovers
     assert log.rows["correction"].all()
     assert np.ptp(log.rows["steering"]) > 0.5  # the views around a place lie left and right of the road's middle
 
@@ -59,10 +65,11 @@ def test_improves_for_a_time_and_keeps_the_corrections(
     model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(improvement, "run_tasks", in_this_process)
-    monkeypatch.setattr(improvement, "LAPS", 0.1)
+    monkeypatch.setattr(improvement, "LAPS", 0.05)
+    monkeypatch.setattr(improvement, "FEWEST_ROWS", 60)
     config = ImproveConfig(model, tmp_path / "improved.pt", minutes=0.5, tracks=("random:12",))
     improve(replace(config, minutes=0.1), lambda _threads: None)
-    assert load_model(tmp_path / "improved.pt").name == "lenet"
+    assert load_model(tmp_path / "improved.pt").name == "pilotnet"
     assert read_driving_logs([tmp_path / "improved_corrections"]).rows["correction"].all()
     assert "corrections in" in capsys.readouterr().out
     with pytest.raises(ValueError, match="is not empty"):
