@@ -5,6 +5,7 @@ import glob
 import os
 import platform
 import re
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -42,7 +43,9 @@ def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
 
 @contextmanager
 def move_when_done(path: Path) -> Iterator[Path]:
-    """Provide a temporary path in the same folder; it is renamed to `path` unless the block raises.
+    """Provide a temporary path in the same folder, for a file or a folder.
+
+    It is renamed to `path` unless the block raises; otherwise, what the block has written is removed.
 
     Raises:
         OSError: the file cannot be written; the message names it and what to do.
@@ -56,8 +59,20 @@ def move_when_done(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise unwritable(path, error) from error
     finally:
+        if temporary.is_dir():
+            shutil.rmtree(temporary, ignore_errors=True)
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def refuse_existing(folder: Path) -> None:
+    """Check that a folder that will be written does not exist.
+
+    Raises:
+        FileExistsError: it does.
+    """
+    if folder.exists():
+        raise FileExistsError(f"{folder}: is there already; name another folder")
 
 
 def _remove_abandoned(path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 
-from pilot.files import write_atomically
+from pilot.files import move_when_done, write_atomically
 
 WRITING = """
 import sys, time
@@ -69,3 +69,18 @@ def test_on_other_computers_only_what_is_older_than_a_day_is_removed(tmp_path: P
         os.utime(file, (time.time() - 100_000,) * 2)
     write_atomically(tmp_path / "a.png", lambda file: file.write(b"new"))
     assert sorted(file.name for file in tmp_path.iterdir()) == [".a.png.far-2.part", ".b.png.far-1.part", "a.png"]
+
+
+def test_of_a_folder_that_could_not_be_written_nothing_is_left(tmp_path: Path) -> None:
+    def write(*, fails: bool) -> None:
+        with move_when_done(tmp_path / "folder") as unfinished:
+            unfinished.mkdir()
+            (unfinished / "file").write_text("half")
+            if fails:
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write(fails=True)
+    assert list(tmp_path.iterdir()) == []
+    write(fails=False)
+    assert (tmp_path / "folder" / "file").read_text() == "half"

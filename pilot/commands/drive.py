@@ -106,7 +106,8 @@ def serve(config: ServeConfig) -> None:
         server.serve(listener, page, config.host)
     finally:
         session.close()
-        print("\n" + "\n".join(report(session)))
+        if lines := report(session):
+            print("\n" + "\n".join(lines))
 
 
 def report(session: "DriveSession") -> list[str]:

@@ -6,7 +6,6 @@ have a constant rate; the column `recorded_time` keeps the times of the recordin
 """
 
 import json
-import shutil
 from collections.abc import Iterator
 from datetime import datetime, timedelta
 from fractions import Fraction
@@ -24,7 +23,7 @@ from pilot.data.left_out import LeftOut, is_left_out, read_left_out, write_left_
 from pilot.data.log_format import LOG_NAME, format_line, time_stamp
 from pilot.data.segments import segment_numbers
 from pilot.exchange.pictures import as_frame
-from pilot.files import move_when_done, unwritable, write_atomically
+from pilot.files import move_when_done, refuse_existing, unwritable, write_atomically
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import CAMERAS, COLUMNS, MPH, ROWS
 
@@ -80,26 +79,21 @@ def write_dataset(rows: pd.DataFrame, recording: Path, dataset: Path, progress: 
         OSError: it cannot be written.
     """
     check_parquet()
-    if dataset.exists():
-        raise FileExistsError(f"{dataset}: is there already; name another folder")
+    refuse_existing(dataset)
     fps = max(round(1 / float(rows["time"].diff().median())), 1) if len(rows) > 1 else 10
     cameras = [camera for camera in CAMERAS if (rows[camera] != "").all()]
     table = _table(rows, is_left_out(rows["center"].tolist(), read_left_out(recording)), fps)
     with move_when_done(dataset) as unfinished:
-        try:
-            _write_parquet(table, unfinished / DATA.format(chunk_index=0, file_index=0))
-            _write_parquet(_episodes(table, cameras, fps), unfinished / EPISODES)
-            tasks = pd.DataFrame({"task_index": [0]}, index=pd.Index([TASK], name="task"))
-            _write_parquet(tasks, unfinished / "meta" / "tasks.parquet")
-            _write_json(_info(table, cameras, fps), unfinished / INFO)
-            _write_json(_statistics(table, rows, cameras), unfinished / "meta" / "stats.json")
-            for camera in cameras:
-                paths = progress(rows[camera].tolist(), len(rows), f"{camera} camera")
-                video = VIDEO.format(video_key=IMAGES + camera, chunk_index=0, file_index=0)
-                _write_video(paths, unfinished / video, fps)
-        except BaseException:
-            shutil.rmtree(unfinished, ignore_errors=True)
-            raise
+        _write_parquet(table, unfinished / DATA.format(chunk_index=0, file_index=0))
+        _write_parquet(_episodes(table, cameras, fps), unfinished / EPISODES)
+        tasks = pd.DataFrame({"task_index": [0]}, index=pd.Index([TASK], name="task"))
+        _write_parquet(tasks, unfinished / "meta" / "tasks.parquet")
+        _write_json(_info(table, cameras, fps), unfinished / INFO)
+        _write_json(_statistics(table, rows, cameras), unfinished / "meta" / "stats.json")
+        for camera in cameras:
+            paths = progress(rows[camera].tolist(), len(rows), f"{camera} camera")
+            video = VIDEO.format(video_key=IMAGES + camera, chunk_index=0, file_index=0)
+            _write_video(paths, unfinished / video, fps)
 
 
 def _table(rows: pd.DataFrame, left_out: Any, fps: int) -> pd.DataFrame:
@@ -232,8 +226,7 @@ def import_dataset(dataset: Path, recording: Path, progress: ProgressBar[Any] = 
         OSError: the recording cannot be written.
     """
     check_parquet()
-    if recording.exists():
-        raise FileExistsError(f"{recording}: is there already; name another folder")
+    refuse_existing(recording)
     try:
         info = json.loads((dataset / INFO).read_text(encoding="utf-8"))
         table = pd.concat([pd.read_parquet(path) for path in sorted((dataset / "data").rglob("*.parquet"))])

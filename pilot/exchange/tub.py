@@ -23,7 +23,7 @@ from pilot.data.frames import encode_frame
 from pilot.data.left_out import LeftOut, is_left_out, read_left_out, write_left_out
 from pilot.data.log_format import LOG_NAME, format_line, time_stamp
 from pilot.exchange.pictures import as_frame
-from pilot.files import move_when_done, unwritable, write_atomically
+from pilot.files import move_when_done, refuse_existing, unwritable, write_atomically
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import MPH, PLAUSIBLE_SPEED_MPH
 
@@ -71,19 +71,14 @@ def write_tub(rows: pd.DataFrame, recording: Path, tub: Path, progress: Progress
         FileExistsError: the folder exists.
         OSError: it cannot be written.
     """
-    if tub.exists():
-        raise FileExistsError(f"{tub}: is there already; name another folder")
+    refuse_existing(tub)
     with move_when_done(tub) as unfinished:
-        try:
-            (unfinished / IMAGES).mkdir(parents=True)
-            lines = [
-                _write_record(rows.iloc[number], number, unfinished)
-                for number in progress(range(len(rows)), len(rows), "writing")
-            ]
-            _write_catalogs(unfinished, lines, is_left_out(rows["center"].tolist(), read_left_out(recording)))
-        except BaseException:
-            shutil.rmtree(unfinished, ignore_errors=True)
-            raise
+        (unfinished / IMAGES).mkdir(parents=True)
+        lines = [
+            _write_record(rows.iloc[number], number, unfinished)
+            for number in progress(range(len(rows)), len(rows), "writing")
+        ]
+        _write_catalogs(unfinished, lines, is_left_out(rows["center"].tolist(), read_left_out(recording)))
 
 
 def _write_record(row: "pd.Series[Any]", number: int, tub: Path) -> str:
@@ -165,8 +160,7 @@ def import_tub(tub: Tub, recording: Path, progress: ProgressBar[dict[str, Any]] 
         NoUsableData: no record can be used.
         OSError: the recording cannot be written.
     """
-    if recording.exists():
-        raise FileExistsError(f"{recording}: is there already; name another folder")
+    refuse_existing(recording)
     lines: list[str] = []
     names: dict[int, str] = {}
     try:

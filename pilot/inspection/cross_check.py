@@ -9,7 +9,6 @@ import pandas as pd
 from pilot.arrays import Floats
 from pilot.data.augment import AugmentConfig
 from pilot.data.batches import Batch
-from pilot.data.frame_cache import FrameCache
 from pilot.data.samples import SampleConfig, block_numbers, make_samples
 from pilot.progress import ProgressBar, no_bar
 from pilot.training.config import TrainingConfig
@@ -28,14 +27,11 @@ CONFIG = TrainingConfig(
 )
 
 
-def cross_predictions(
-    rows: pd.DataFrame, cache: FrameCache | None = None, progress: Callable[[int], ProgressBar[Batch]] | None = None
-) -> Floats:
+def cross_predictions(rows: pd.DataFrame, progress: Callable[[int], ProgressBar[Batch]] | None = None) -> Floats:
     """Return for each of n rows the steering (-1..1) by the network that has not seen it; NaN for too few rows.
 
     Args:
         rows: of one recording.
-        cache: of its frames.
         progress: returns the progress bar of the first (0) and the second (1) training.
     """
     predicted = np.full(len(rows), np.nan)
@@ -46,7 +42,7 @@ def cross_predictions(
     for number, held_out in enumerate((second, ~second)):
         samples, validation = make_samples(rows[~held_out].reset_index(drop=True), CONFIG.samples, 0)
         epochs = max(round(IMAGES / len(samples)), 1)
-        training = Training(replace(CONFIG, epochs=epochs), samples, validation, cache=cache)
+        training = Training(replace(CONFIG, epochs=epochs), samples, validation)
         training.run(lambda _: None, progress(number) if progress else no_bar)
         training.network.eval()
         unseen = rows[held_out]

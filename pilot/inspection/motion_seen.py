@@ -21,12 +21,10 @@ class MotionSeen:
 
     Attributes:
         turns: angle by which the car turned to the right since the row before, radians; 0 in the first row.
-        clarity: 0..1, share of the image's content that the turn explains.
         changes: mean absolute difference from the image before, 0..255; infinite in the first row.
     """
 
     turns: Floats
-    clarity: Floats
     changes: Floats
 
 
@@ -40,7 +38,7 @@ def see_motion(images: Sequence[str], progress: ProgressBar[str] = no_bar) -> Mo
         UnreadableImage: an image cannot be read.
     """
     window = cv2.createHanningWindow((COLUMNS, FAR.stop - FAR.start), cv2.CV_64F)
-    turns, clarity, changes = np.zeros(len(images)), np.ones(len(images)), np.full(len(images), np.inf)
+    turns, changes = np.zeros(len(images)), np.full(len(images), np.inf)
     far_before: Floats = np.empty(0)
     small_before: Floats = np.empty(0)
     for row, path in enumerate(progress(images, len(images), "looking at the images")):
@@ -48,8 +46,8 @@ def see_motion(images: Sequence[str], progress: ProgressBar[str] = no_bar) -> Mo
         far: Floats = grey[FAR].astype(float)
         small: Floats = cv2.resize(grey, SMALL, interpolation=cv2.INTER_AREA).astype(float)
         if row:
-            (shift, _), clarity[row] = cv2.phaseCorrelate(far_before, far, window)
+            (shift, _), _ = cv2.phaseCorrelate(far_before, far, window)
             turns[row] = -shift / FOCAL_LENGTH
             changes[row] = np.abs(small - small_before).mean()
         far_before, small_before = far, small
-    return MotionSeen(turns, np.clip(clarity, 0, 1), changes)
+    return MotionSeen(turns, changes)

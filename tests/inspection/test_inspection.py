@@ -108,7 +108,7 @@ def seen_by(rows: pd.DataFrame, changes: float | np.ndarray = 9.0) -> MotionSeen
     motion = motion_of(rows)
     turns = np.concatenate([[0.0], (motion.curvatures * motion.steps)[:-1]])
     noise = np.random.default_rng(0).normal(0, 0.002, len(rows))
-    return MotionSeen(turns + noise, np.ones(len(rows)), np.broadcast_to(changes, len(rows)))
+    return MotionSeen(turns + noise, np.broadcast_to(changes, len(rows)))
 
 
 def test_steering_that_contradicts_where_the_car_went() -> None:
