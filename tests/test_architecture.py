@@ -10,7 +10,7 @@ import pilot
 
 PACKAGE = Path(pilot.__file__).parent
 # from the ground up; "" are the files beside the folders
-FLOORS = ["", "data", "model", "driving", "video", "exchange", "simulator", "evaluation", "training"]
+FLOORS = ["", "data", "model", "portable", "driving", "video", "exchange", "simulator", "evaluation", "training"]
 FLOORS += ["inspection", "commands"]
 
 

@@ -23,7 +23,7 @@ class ServeConfig:
     """Drive the simulator's car in autonomous mode: steer with a trained model, and control the speed."""
 
     model: tyro.conf.Positional[Path]
-    """Model file, such as model.pt."""
+    """Model file, such as model.pt, or an ONNX file."""
     run: tyro.conf.Positional[Path | None] = None
     """Folder in which to record the drive: frames and driving_log.csv."""
     overwrite: bool = False

@@ -32,7 +32,7 @@ class EvaluationConfig:
     """
 
     models: tyro.conf.Positional[tuple[Path, ...]]
-    """Model files, such as model.pt; `expert`: the expert driver that records the demonstrations."""
+    """Model files, such as model.pt, or ONNX files; `expert`: the expert driver that records the demonstrations."""
     tracks: tuple[str, ...] = ()
     """lake, jungle, mountain, random:SEED, or a range such as random:0-49; "lake reversed": in the other direction.
     Default without --recordings: the three named tracks in both directions, and random:0-4."""
@@ -196,11 +196,11 @@ def make_driver(path: Path) -> "PolicyFactory":
         UnusableModel: the file is missing, damaged, or not a model of this program.
     """
     from pilot.evaluation.closed_loop import ModelPolicy, expert_policy
-    from pilot.model.checkpoint import load_model
+    from pilot.portable.loading import load
 
     if path == EXPERT:
         return expert_policy
-    load_model(path)  # an unusable model is refused before minutes of driving
+    load(path)  # an unusable model is refused before minutes of driving
     return ModelPolicy(path)
 
 

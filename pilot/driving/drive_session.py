@@ -10,6 +10,8 @@ from pilot.driving.corrections import Corrections
 from pilot.driving.driver import Driver
 from pilot.driving.recorder import Recorder
 
+KINDS = ("*.pt", "*.onnx")  # of model files
+
 log = logging.getLogger("pilot")
 
 
@@ -52,8 +54,8 @@ class DriveSession:
     # Model
 
     def models(self) -> list[Path]:
-        """Return the models beside the one that drives, and itself."""
-        return sorted({self.path, *self.path.parent.glob("*.pt")})
+        """Return the model files beside the one that drives, and itself."""
+        return sorted({self.path, *(file for kind in KINDS for file in self.path.parent.glob(kind))})
 
     def load(self, name: str) -> None:
         """Let another of the `models` drive, given its file's name.

@@ -72,7 +72,10 @@ def load_model(path: Path) -> Model:
 
     Raises:
         UnusableModel: the file is missing, damaged, not a model of this program, or its weights are not finite.
+            (`pilot.portable.loading.load` loads ONNX files, too.)
     """
+    if path.suffix == ".onnx":
+        raise UnusableModel(f"{path}: an ONNX file only steers; give the .pt file from which it was made")
     content = load_values(path, FORMAT, "train one with: python model.py")
     _check_types(path, content)
     version, name = content["version"], content["network"]

@@ -60,7 +60,11 @@ class Events:
                 telemetry = self.state.answer.telemetry if self.state.answer else None
                 if telemetry is not None and telemetry is not shown:
                     shown = telemetry
-                    jpeg = self._draw_saliency(telemetry) if with_saliency else telemetry.jpeg
+                    model = self.session.model
+                    if with_saliency and isinstance(model, Model):
+                        jpeg = self._draw_saliency(model, telemetry)
+                    else:
+                        jpeg = telemetry.jpeg
                     snapshot["frame"] = base64.b64encode(jpeg).decode()
                 yield f"data: {json.dumps(snapshot)}\n\n"
                 eventlet.sleep(EVENT_SECONDS)
@@ -72,6 +76,7 @@ class Events:
         return {
             "model": self.session.path.name,
             "network": self.session.model.name,
+            "has_saliency": isinstance(self.session.model, Model),
             "recording": str(recorder.folder) if recorder else "",
             "recorded_frames": recorder.frames if recorder else 0,
             "recording_failed": (recorder.failed or "") if recorder else "",
@@ -79,12 +84,12 @@ class Events:
             "corrections_folder": str(corrections.folder or "") if corrections else "",
         }
 
-    def _draw_saliency(self, telemetry: Telemetry) -> bytes:
+    def _draw_saliency(self, model: Model, telemetry: Telemetry) -> bytes:
         """Return the frame with its saliency as JPEG, or one that was drawn for another stream just before."""
         with self._drawing:
             if time.monotonic() - self._drawn_at >= EVENT_SECONDS:
                 # in a native thread, so that telemetry is answered meanwhile
-                self._drawn = tpool.execute(_saliency_jpeg, self.session.model, telemetry.frame)
+                self._drawn = tpool.execute(_saliency_jpeg, model, telemetry.frame)
                 self._drawn_at = time.monotonic()
             return self._drawn
 

@@ -63,6 +63,8 @@ function showValues(now) {
 function showSession(now) {
   if (byId("model").value !== now.model) showModels(now.model);
   byId("network").textContent = `network ${now.network}`;
+  byId("saliency").disabled = !now.has_saliency;
+  byId("saliency").title = now.has_saliency ? "" : "Only a .pt model shows what it looks at, an ONNX file does not.";
   recording = now.recording;
   byId("record").setAttribute("aria-pressed", String(recording !== ""));
   byId("record").firstChild.textContent = recording ? "stop recording " : "record ";

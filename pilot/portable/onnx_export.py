@@ -1,0 +1,73 @@
+"""Writing a trained network as one self-contained ONNX file: frames of 160x320 RGB bytes in, steering out."""
+
+import contextlib
+import io
+import logging
+import warnings
+from collections.abc import Iterator
+
+import onnx
+import torch
+from torch import nn
+
+from pilot.model.checkpoint import Model
+from pilot.model.inference import fold_dense
+from pilot.portable.metadata import METADATA_KEY, ModelCard
+from pilot.portable.resize import resize_antialiased
+from pilot.vehicle import COLUMNS, ROWS
+
+INPUT, OUTPUT = "frames", "steering"
+TOLERANCE = 1e-5  # of the steering
+
+
+def export_model(model: Model) -> onnx.ModelProto:
+    """Convert a trained model.
+
+    Its input is "frames", N x 160 x 320 x 3, uint8 RGB; its output "steering", N, float32, not clipped.
+    """
+    example = torch.zeros((2, ROWS, COLUMNS, 3), dtype=torch.uint8)
+    card = ModelCard(model.name, model.config, model.data, model.metrics)
+    return with_card(export_network(fold_dense(model.network).eval(), example), card)
+
+
+def export_network(network: nn.Module, example: torch.Tensor) -> onnx.ModelProto:
+    """Convert a network of one input and one output, for any number of images; `example` is a batch of two."""
+    with _quiet():
+        program = torch.onnx.export(
+            network,
+            (example,),
+            input_names=[INPUT],
+            output_names=[OUTPUT],
+            dynamic_shapes=({0: torch.export.Dim("n", min=1)},),
+            external_data=False,
+            verbose=False,
+            custom_translation_table={torch.ops.aten._upsample_bilinear2d_aa.default: resize_antialiased},
+        )
+    assert program is not None
+    converted: onnx.ModelProto = program.model_proto
+    return converted
+
+
+def with_card(converted: onnx.ModelProto, card: ModelCard) -> onnx.ModelProto:
+    """Replace a converted model's metadata by a card; returns the model."""
+    del converted.metadata_props[:]
+    onnx.helper.set_model_props(converted, {METADATA_KEY: card.to_json()})
+    for node in converted.graph.node:  # paths and lines of the source code
+        del node.metadata_props[:]
+        node.doc_string = ""
+    onnx.checker.check_model(converted, full_check=True)
+    return converted
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Suppress what the exporter says about operators of other packages and its own deprecations."""
+    logger = logging.getLogger("torch.onnx")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+        warnings.simplefilter("ignore")
+        try:
+            yield
+        finally:
+            logger.setLevel(level)
