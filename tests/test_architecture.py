@@ -11,7 +11,7 @@ import pilot
 PACKAGE = Path(pilot.__file__).parent
 # from the ground up; "" are the files beside the folders
 FLOORS = ["", "data", "model", "portable", "driving", "video", "exchange", "simulator", "evaluation", "training"]
-FLOORS += ["inspection", "commands"]
+FLOORS += ["board", "inspection", "commands"]
 
 
 def room_of(file: Path) -> str:

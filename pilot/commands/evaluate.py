@@ -40,6 +40,8 @@ class EvaluationConfig:
     """Lights in which each track is driven. Default: the track's own."""
     seeds: tuple[int, ...] = ()
     """Seeds of random start positions, one episode each. Default: the start line."""
+    suite: Literal["v1"] | None = None
+    """Measure by a frozen suite of drives instead, with one score, and write the page board.html: docs/board.md."""
     conditions: tyro.conf.OmitArgPrefixes[Conditions] = field(default_factory=Conditions)
     recordings: tuple[Path, ...] = ()
     """Recordings to replay, with the frames warped to the position of the car that the model steers."""
@@ -83,6 +85,12 @@ class EvaluationConfig:
             raise ValueError("--socket: --latency-ms and --lost-frames are for drives without it")
         if EXPERT in self.models and (self.socket or self.recordings):
             raise ValueError("the expert knows the road of the built-in simulator: not with --socket or --recordings")
+        if self.suite and (self.tracks, self.lights, self.seeds, self.recordings, self.socket, self.conditions) != (
+            *((),) * 4,
+            False,
+            Conditions(),
+        ):
+            raise ValueError("--suite: has its own tracks and conditions; only --jobs, --out and --video go with it")
         if not 0 < self.last_part <= 1:
             raise ValueError(f"--last-part {self.last_part:g}: must be greater than 0, and at most 1")
 
@@ -100,7 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     def check_and_evaluate() -> None:
         config.check()
-        evaluate(config)
+        (measure if config.suite else evaluate)(config)
 
     return cli.run(PROGRAM, check_and_evaluate)
 
@@ -126,6 +134,31 @@ def evaluate(config: EvaluationConfig) -> None:
     write_json(config.out / "scores.json", evaluations, asdict(config))
     show("\n".join([table(evaluations), "", *map(verdict, evaluations)]))
     show(f"scores and figures: {config.out}{os.sep}")
+
+
+def measure(config: EvaluationConfig) -> None:
+    """Measure all models by a suite; print the results, and write them with the page to `config.out`.
+
+    Raises:
+        ValueError, OSError, RuntimeError: the evaluation is not possible; the message says why and what to do.
+    """
+    from pilot.board.measurement import Contestant, measure_all, results_in
+    from pilot.board.page import rank, text_table, write_page
+    from pilot.board.suite import SUITES
+
+    process_settings.for_driving()
+    suite = SUITES[str(config.suite)]
+    contestants = [
+        Contestant(name, None if path == EXPERT else path)
+        for name, path in zip(name_paths(config.models), config.models, strict=True)
+    ]
+    try:
+        measure_all(suite, contestants, config.out, config.jobs, clips=config.video)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"what is measured is in {config.out}; the same command continues") from None
+    results = list(results_in(config.out, suite))
+    show(text_table(rank(results)))
+    show(f"page: {write_page(config.out, suite, results)}")
 
 
 def track_scenarios(config: EvaluationConfig) -> "list[Scenario]":

@@ -39,17 +39,23 @@ def headline(title: str, scores: Scores) -> str:
 
 
 def _draw_road(axis: Axes, track: Track) -> None:
+    draw_road_outline(axis, track)
+    line = np.stack([track.beside(side * track.half_widths)[0, :2] for side in (-1, 1)])
+    axis.plot(line[:, 0], line[:, 1], color="black", linewidth=2.5, solid_capstyle="butt")
+    beside = track.beside(track.half_widths + 10)[:, :2]
+    axis.annotate("", beside[60], beside[0], arrowprops={"arrowstyle": "-|>", "color": "black"})
+    axis.set(xlabel="metres to the east", ylabel="metres to the north")
+
+
+def draw_road_outline(axis: Axes, track: Track) -> None:
+    """Draw a road from above, in true proportions."""
     left, right = (_closed(track.beside(side * track.half_widths)[:, :2]) for side in (-1, 1))
     outline = np.vstack([left, right[::-1]])
     axis.fill(outline[:, 0], outline[:, 1], color=ASPHALT, linewidth=0)
     for edge in (left, right):
         axis.plot(edge[:, 0], edge[:, 1], color=EDGE, linewidth=0.8)
-    line = np.stack([left[0], right[0]])
-    axis.plot(line[:, 0], line[:, 1], color="black", linewidth=2.5, solid_capstyle="butt")
-    beside = track.beside(track.half_widths + 10)[:, :2]
-    axis.annotate("", beside[60], beside[0], arrowprops={"arrowstyle": "-|>", "color": "black"})
     axis.set_facecolor(GROUND)
-    axis.set(aspect="equal", xlabel="metres to the east", ylabel="metres to the north")
+    axis.set(aspect="equal")
     axis.margins(0.06)
 
 
@@ -66,12 +72,7 @@ def draw_paths(figure: Figure, axis: Axes, trajectories: Sequence[Trajectory]) -
         trajectories: at least one.
     """
     for trajectory in trajectories:
-        segments = np.stack([trajectory.positions[:-1], trajectory.positions[1:]], 1)
-        continuous = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1) < JUMP
-        lines = LineCollection(list(segments[continuous]), cmap="plasma", linewidth=1.6, capstyle="round")
-        lines.set_array(np.abs(trajectory.cross_track_errors[1:][continuous]))
-        lines.set_clim(0, FAR_OUT)
-        axis.add_collection(lines)
+        lines = draw_path(axis, trajectory, marked=False)
     figure.colorbar(lines, ax=axis, label="absolute cross-track error, m", extend="max", shrink=0.8, pad=0.02)
     for reason, (marker, colour) in REASONS.items():
         places = np.array(
@@ -96,6 +97,20 @@ def draw_paths(figure: Figure, axis: Axes, trajectories: Sequence[Trajectory]) -
             )
     if axis.get_legend_handles_labels()[1]:
         axis.legend(loc="upper right", fontsize=9)
+
+
+def draw_path(axis: Axes, trajectory: Trajectory, *, marked: bool = True) -> LineCollection:
+    """Draw a path from above, coloured by absolute cross-track error, and its interventions if they are `marked`."""
+    segments = np.stack([trajectory.positions[:-1], trajectory.positions[1:]], 1)
+    continuous = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1) < JUMP
+    lines = LineCollection(list(segments[continuous]), cmap="plasma", linewidth=1.6, capstyle="round")
+    lines.set_array(np.abs(trajectory.cross_track_errors[1:][continuous]))
+    lines.set_clim(0, FAR_OUT)
+    axis.add_collection(lines)
+    for each in trajectory.interventions if marked else ():
+        marker, colour = REASONS[each.reason]
+        axis.plot(each.x, each.y, marker, color=colour, markersize=7, markeredgecolor="white", markeredgewidth=0.6)
+    return lines
 
 
 def _draw_cross_track_errors(axis: Axes, track: Track, trajectories: Sequence[Trajectory]) -> None:

@@ -1,0 +1,161 @@
+"""Measuring models by a suite, and the results as files: what is measured is not measured again."""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tqdm import tqdm
+
+from pilot import process_settings
+from pilot.board.maps import draw_maps
+from pilot.board.points import DrivePoints, judge
+from pilot.board.suite import Suite
+from pilot.evaluation.closed_loop import ModelPolicy, PolicyFactory, expert_policy, run
+from pilot.files import write_atomically
+from pilot.portable.loading import load
+from pilot.simulator.catalogue import load_track
+from pilot.simulator.trajectory import Trajectory
+from pilot.training.plots import save
+from pilot.workers import run_tasks
+
+EXPERT = "expert"
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A driver to be measured.
+
+    Attributes:
+        name: in the table and of its files.
+        path: of the model file; None: the expert.
+    """
+
+    name: str
+    path: Path | None
+
+    @property
+    def driver(self) -> PolicyFactory:
+        """Makes the steering policy."""
+        return ModelPolicy(self.path) if self.path else expert_policy
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the model file."""
+        return hashlib.sha256(self.path.read_bytes()).hexdigest() if self.path else EXPERT
+
+    @property
+    def network(self) -> str:
+        """Name of the network.
+
+        Raises:
+            UnusableModel: the model cannot be loaded.
+        """
+        return load(self.path).name if self.path else "knows the road"
+
+
+@dataclass(frozen=True)
+class Result:
+    """A driver's result in a suite.
+
+    Attributes:
+        name: of the driver.
+        network: name of its network.
+        suite: version and digest of the suite.
+        model: SHA-256 of the model file.
+        drives: the figures of each drive.
+    """
+
+    name: str
+    network: str
+    suite: tuple[str, str]
+    model: str
+    drives: tuple[DrivePoints, ...]
+
+
+def measure_all(
+    suite: Suite, contestants: Sequence[Contestant], folder: Path, jobs: int | None = None, *, clips: bool = False
+) -> None:
+    """Measure drivers, each unless the folder has its result; writes a result and a picture of maps for each.
+
+    Args:
+        suite: the drives.
+        contestants: the drivers.
+        folder: of the results.
+        jobs: number of drives in parallel; None: one per core.
+        clips: also make a clip of each drive.
+
+    Raises:
+        UnusableModel: a model cannot be loaded.
+        OSError: a file cannot be written.
+    """
+    identity = (suite.version, suite.digest)
+    networks = {contestant.name: contestant.network for contestant in contestants}  # before minutes of driving
+    for contestant in contestants:
+        known = read_result(result_file(folder, contestant.name))
+        if known and (known.suite, known.model) == (identity, contestant.digest):
+            continue
+        trajectories = drive(suite, contestant, jobs, folder if clips else None)
+        drives = tuple(
+            judge(each.title, load_track(each.track), trajectory)
+            for each, trajectory in zip(suite.drives, trajectories, strict=True)
+        )
+        save(draw_maps(contestant.name, suite, trajectories), folder / f"{contestant.name}.png")
+        result = Result(contestant.name, networks[contestant.name], identity, contestant.digest, drives)
+        write_result(result_file(folder, contestant.name), result)
+
+
+def drive(suite: Suite, contestant: Contestant, jobs: int | None, clips: Path | None) -> list[Trajectory]:
+    """Drive all of a suite, with clips if their folder is given; returns the trajectories in its order."""
+    requests = [
+        each.request(contestant.driver, clip_file(clips, contestant.name, number) if clips else None)
+        for number, each in enumerate(suite.drives)
+    ]
+    found = run_tasks(run, requests, jobs, process_settings.for_driving)
+    trajectories = dict(tqdm(found, contestant.name, len(requests), unit=" drives", leave=False))
+    return [trajectories[number] for number in range(len(requests))]
+
+
+# Files
+
+
+def result_file(folder: Path, name: str) -> Path:
+    """Return the path of a driver's result."""
+    return folder / f"{name}.json"
+
+
+def clip_file(folder: Path, name: str, number: int) -> Path:
+    """Return the path of the clip of a driver's drive with a number."""
+    return folder / name / f"{number:02}.mp4"
+
+
+def write_result(path: Path, result: Result) -> None:
+    """Write a result, atomically.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    text = json.dumps(dataclasses.asdict(result), indent=1)
+    write_atomically(path, lambda file: file.write(text.encode()))
+
+
+def read_result(path: Path) -> Result | None:
+    """Read a result; None: there is none, or it cannot be read."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        drives = tuple(DrivePoints(**each) for each in content["drives"])
+        version, digest = content["suite"]
+        return Result(content["name"], content["network"], (version, digest), content["model"], drives)
+    except (OSError, ValueError, TypeError, KeyError):
+        return None
+
+
+def results_in(folder: Path, suite: Suite) -> Iterator[Result]:
+    """Yield the results of a suite in a folder, from earlier measurements too."""
+    identity = (suite.version, suite.digest)
+    for path in sorted(folder.glob("*.json")):
+        result = read_result(path)
+        if result and result.suite == identity and len(result.drives) == len(suite.drives):
+            yield result
