@@ -10,8 +10,8 @@ import pilot
 
 PACKAGE = Path(pilot.__file__).parent
 # from the ground up; "" are the files beside the folders
-FLOORS = ["", "data", "model", "driving", "video", "exchange", "simulator", "evaluation", "training"]
-FLOORS += ["inspection", "commands"]
+FLOORS = ["", "data", "model", "driving", "video", "exchange", "simulator", "environments", "evaluation"]
+FLOORS += ["training", "inspection", "commands"]
 
 
 def room_of(file: Path) -> str:
