@@ -10,8 +10,8 @@ import pilot
 
 PACKAGE = Path(pilot.__file__).parent
 # from the ground up; "" are the files beside the folders
-FLOORS = ["", "data", "model", "portable", "driving", "video", "exchange", "simulator", "evaluation", "training"]
-FLOORS += ["board", "inspection", "commands"]
+FLOORS = ["", "data", "model", "portable", "driving", "video", "exchange", "simulator", "environments", "evaluation"]
+FLOORS += ["training", "board", "inspection", "commands"]
 
 
 def room_of(file: Path) -> str:

@@ -21,15 +21,13 @@ from pilot.driving.recorder import Recorder
 from pilot.evaluation.conditions import Conditions
 from pilot.simulator.episode import Episode
 from pilot.simulator.expert import Expert
-from pilot.simulator.referee import Referee
+from pilot.simulator.referee import Referee, time_limit
 from pilot.simulator.simulator import TICKS, Simulator
-from pilot.simulator.track import Track
 from pilot.simulator.trajectory import Trajectory
 from pilot.simulator.wire.client import build_telemetry, parse_steer
-from pilot.vehicle import MPH, TICK
+from pilot.vehicle import TICK
 from pilot.video.clip import Overlays, make_clip
 
-SLOWEST = 0.25  # share of the target speed; a car that is slower on average does not complete its laps in time
 FRAMES_PER_SECOND = 1 / (TICKS * TICK)
 CLIP_START = datetime(2000, 1, 1)  # time 0 of the simulator in the names of the frames of a clip
 
@@ -71,11 +69,6 @@ def expert_policy(episode: Episode) -> SteeringPolicy:
 
 
 # A single episode
-
-
-def time_limit(track: Track, laps: float, set_speed: float) -> float:
-    """Return the longest duration of an episode in seconds; `set_speed` is the target speed in mph."""
-    return laps * track.length / (SLOWEST * set_speed * MPH)
 
 
 class Delay:

@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
-from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, film, simulator_at, time_limit
-from pilot.simulator.referee import Referee
+from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, film, simulator_at
+from pilot.simulator.referee import Referee, time_limit
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.trajectory import Trajectory
 from pilot.simulator.wire.client import TICKS_PER_ANSWER, Client

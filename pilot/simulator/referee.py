@@ -5,10 +5,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from pilot.simulator.episode import CarState, Episode
+from pilot.simulator.track import Track
 from pilot.simulator.trajectory import Intervention, Reason, Trajectory, TrajectoryRecorder
-from pilot.vehicle import TICK
+from pilot.vehicle import MPH, TICK
 
 MIN_PROGRESS = 1.0  # metres; with less progress than this a car counts as standing
+SLOWEST = 0.25  # share of the target speed; a car that is slower on average does not complete its laps in time
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,11 @@ class PutBackRule:
 AT_ONCE = PutBackRule(0.0, 0.0, 10.0)  # for evaluation: the first wheel off the road is an intervention
 WHEN_LOST = PutBackRule(2.0, 8.0, math.inf)  # only if the car is unlikely to return by itself
 NEVER = PutBackRule(math.inf, math.inf, math.inf)
+
+
+def time_limit(track: Track, laps: float, set_speed: float) -> float:
+    """Return the longest duration of an episode in seconds; `set_speed` is the target speed in mph."""
+    return laps * track.length / (SLOWEST * set_speed * MPH)
 
 
 class Referee:

@@ -37,14 +37,14 @@ class Simulator:
         cameras: names of the cameras that are rendered.
         ticks: duration of a step in ticks of 20 ms.
         episode: the car on its track; exists after the first `reset`.
-        renderer: of the cameras; exists after the first `reset`.
+        renderer: of the cameras; exists after the first `reset`, if there are cameras.
     """
 
     def __init__(self, cameras: tuple[str, ...] = ("center",), ticks: int = TICKS) -> None:
         """Create a simulator; `reset` must be called before `step` and `look`.
 
         Args:
-            cameras: any of center, left and right; each takes time to render.
+            cameras: any of center, left and right; each takes time to render. Without one, no scene is built.
             ticks: duration of a step in ticks of 20 ms.
         """
         self.cameras, self.ticks = cameras, ticks
@@ -65,7 +65,7 @@ class Simulator:
         road = load_track(track)
         if light is not None and light not in LIGHTS:
             raise ValueError(f"light {light!r}: there are {', '.join(LIGHTS)}")
-        if self._shown != (name, light):
+        if self.cameras and self._shown != (name, light):
             self._show(Scene(load_course(name), light))
             self._shown = (name, light)
         start = 0.0 if seed is None else float(np.random.default_rng(seed).uniform(0, road.length))
@@ -84,7 +84,7 @@ class Simulator:
 
     def look(self, variation: CameraVariation = STANDARD, only: str | None = None) -> dict[str, Frame]:
         """Render the current frames of all cameras or of `only` one, by camera name: 160x320x3 uint8 RGB each."""
-        return self.renderer.render_episode(self.episode, variation, only)
+        return self.renderer.render_episode(self.episode, variation, only) if self.cameras else {}
 
     def close(self) -> None:
         """Release the renderer's resources."""

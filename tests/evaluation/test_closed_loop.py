@@ -17,14 +17,13 @@ from pilot.evaluation.closed_loop import (
     drive_laps,
     expert_policy,
     run,
-    time_limit,
 )
 from pilot.evaluation.conditions import Conditions, expand_tracks
 from pilot.evaluation.over_socket import run_over_socket
 from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, save_model
 from pilot.simulator.episode import Episode
-from pilot.simulator.referee import Referee
+from pilot.simulator.referee import Referee, time_limit
 from pilot.simulator.scores import Scores, score
 from pilot.simulator.track import Track, closed_road
 from pilot.simulator.trajectory import Trajectory

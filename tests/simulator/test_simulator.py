@@ -53,6 +53,23 @@ def test_reset_again_in_another_simulator_gives_the_same_frames(simulator: Simul
         assert np.array_equal(first, other.reset("lake").frames["left"])
 
 
+def test_two_simulators_do_not_draw_each_others_frames(simulator: Simulator) -> None:
+    simulator.reset("lake")
+    before = simulator.step(0.0, 1.0).frames["center"]
+    with Simulator() as other:
+        other.reset("mountain")
+        assert not simulator.renderer._output.is_active()  # or the other's frames would take its time too
+        other.step(0.0, 1.0)
+        assert np.array_equal(before, simulator.look()["center"])
+
+
+def test_without_cameras_no_scene_is_built() -> None:
+    with Simulator(()) as simulator:
+        assert simulator.reset("lake").frames == {}
+        assert simulator.step(0.0, 1.0).state.speed > 0
+        assert not hasattr(simulator, "renderer")
+
+
 @pytest.mark.parametrize(("camera", "side"), [("left", -1), ("right", 1)])
 def test_a_side_camera_sees_what_the_middle_one_sees_from_there(simulator: Simulator, camera: str, side: int) -> None:
     simulator.reset("lake")

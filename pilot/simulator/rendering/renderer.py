@@ -63,6 +63,7 @@ class Renderer:
             pipe, "cameras", 0, depth, size, GraphicsPipe.BF_refuse_window
         )
         self._output.set_clear_color((*(value / 255 for value in scene.light.sky), 1))
+        self._output.set_active(False)  # except in `render`: the engine is shared, and draws all active outputs
         self._picture = Texture("cameras")
         self._output.add_render_texture(self._picture, GraphicsOutput.RTM_copy_ram)
         self._regions: list[DisplayRegion] = []
@@ -106,7 +107,9 @@ class Renderer:
             pose = camera_pose(x, y, z, heading, slope, offset=CAMERA_OFFSETS[name], variation=variation)
             node.set_mat(LMatrix4f(*pose.ravel()))
         self.scene.sky.set_pos(x, y, z + CAMERA_HEIGHT)
+        self._output.set_active(True)
         self._engine.render_frame()
+        self._output.set_active(False)
         image = np.frombuffer(memoryview(self._picture.get_ram_image_as("RGB")), np.uint8)
         strip = image.reshape(ROWS, COLUMNS * len(self.cameras), 3)[::-1]
         frames = {}
