@@ -17,7 +17,7 @@ from pilot.simulator.scores import wilson
 
 PAGE = "board.html"
 UNSURE = 0.05  # p-value above which a difference may be chance
-ERROR = "cross-track error, m"
+ERROR = "error, m"
 COLUMNS = ("driver", "network", "points", "95 %", *WEIGHTS, "interventions", "clean drives", ERROR, "mph")
 
 
