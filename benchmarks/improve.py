@@ -4,8 +4,8 @@
 
 The other way to spend the time is to record more demonstrations of the built-in expert (laps and recoveries on new
 random roads), and to learn from them in the same manner. The roads are random ones from the seed 3100 on, of which only
-those are taken whose tightest bend has a radius of less than `TIGHT` metres. Models and figures are kept in --out, and
-are not made again, so that a long run can be interrupted and continued.
+those are taken whose tightest bend has a radius of less than `TIGHT` metres; their first `METRES` are driven. Models and
+figures are kept in --out, and are not made again, so that a long run can be interrupted and continued.
 """
 
 import argparse
@@ -33,6 +33,7 @@ from pilot.training.improvement import ImproveConfig, improve
 from pilot.workers import run_tasks
 
 FIRST_ROAD, TIGHT = 3100, 18.0
+METRES = 400.0  # driven on each road
 WAYS = ("improve", "demonstrations")
 
 
@@ -78,8 +79,10 @@ def demonstrate_round(
 
 
 def interventions(model: Path, roads: list[str]) -> pd.DataFrame:
-    """Drive a lap of each road; return the interventions and the driven minutes per road."""
-    requests = [DriveRequest(ModelPolicy(model), road, Conditions()) for road in roads]
+    """Drive the first part of each road; return the interventions per road."""
+    requests = [
+        DriveRequest(ModelPolicy(model), road, Conditions(laps=METRES / load_track(road).length)) for road in roads
+    ]
     results = tqdm(run_tasks(run, requests, None, process_settings.for_driving), model.stem, len(roads), leave=False)
     found = {number: score(roads[number], [trajectory]) for number, trajectory in results}
     return pd.DataFrame(
@@ -104,10 +107,12 @@ def main() -> None:
         for way in WAYS:
             out = options.out / f"{way}-{seed}.pt"
             models[out.stem] = out
-            if not out.exists():
-                shutil.rmtree(out.with_name(f"{out.stem}_corrections"), ignore_errors=True)
-                config = ImproveConfig(options.model, out, options.minutes, (), tuple(options.data), seed=seed)
+            if not out.exists():  # an interrupted one has another name
+                unfinished = out.with_name(f"unfinished-{out.name}")
+                shutil.rmtree(out.with_name(f"{unfinished.stem}_corrections"), ignore_errors=True)
+                config = ImproveConfig(options.model, unfinished, options.minutes, (), tuple(options.data), seed=seed)
                 improve(config, process_settings.use_threads, demonstrate_round if way == WAYS[1] else None)
+                unfinished.replace(out)
     for name, model in models.items():
         figures = options.out / f"{name}.csv"
         if not figures.exists():

@@ -69,12 +69,12 @@ def find_recordings(folders: Sequence[Path]) -> list[Path]:
     logs: list[Path] = []
     for folder in folders:
         if not folder.exists():
-            raise NoUsableData(f"{folder}: no such folder. Name the folder of a recording: --data DIR")
+            raise NoUsableData(f"{folder}: no such folder. Name the folder of a recording")
         logs += [folder] if folder.is_file() else sorted(folder.rglob(LOG_NAME))
     if not logs:
         raise NoUsableData(
             f"{', '.join(map(str, folders))}: no {LOG_NAME} in it or below. Record laps with the simulator "
-            f"into that folder, or name the folder of a recording: --data DIR"
+            f"into that folder, or name the folder of a recording"
         )
     return list({log.resolve(): log for log in logs}.values())
 

@@ -23,7 +23,7 @@ from pilot.data.left_out import LeftOut, is_left_out, read_left_out, write_left_
 from pilot.data.log_format import LOG_NAME, format_line, time_stamp
 from pilot.data.segments import segment_numbers
 from pilot.exchange.pictures import as_frame
-from pilot.files import move_when_done, refuse_existing, unwritable, write_atomically
+from pilot.files import move_when_done, refuse_existing
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import CAMERAS, COLUMNS, MPH, ROWS
 
@@ -237,14 +237,12 @@ def import_dataset(dataset: Path, recording: Path, progress: ProgressBar[Any] = 
         frames = _frames_of(table, episodes, info)
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise NoUsableData(f"{dataset}: is no data set of LeRobot, version 3, with videos ({error})") from error
-    try:
-        _write_images(dataset, recording / "IMG", frames, names, progress)
-        write_atomically(recording / LOG_NAME, lambda file: file.write("".join(lines).encode()))
+    with move_when_done(recording) as unfinished:
+        _write_images(dataset, unfinished / "IMG", frames, names, progress)
+        (unfinished / LOG_NAME).write_text("".join(lines), encoding="utf-8", newline="")
         left_out = table["left_out"] if "left_out" in table else pd.Series(False, table.index)
         images = [f"center_{names[row]}" for row in np.flatnonzero(left_out)]
-        write_left_out(recording, [LeftOut(image, image) for image in images])
-    except OSError as error:
-        raise unwritable(recording, error) from error
+        write_left_out(unfinished, [LeftOut(image, image) for image in images])
     return len(lines)
 
 

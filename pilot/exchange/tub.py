@@ -23,7 +23,7 @@ from pilot.data.frames import encode_frame
 from pilot.data.left_out import LeftOut, is_left_out, read_left_out, write_left_out
 from pilot.data.log_format import LOG_NAME, format_line, time_stamp
 from pilot.exchange.pictures import as_frame
-from pilot.files import move_when_done, refuse_existing, unwritable, write_atomically
+from pilot.files import move_when_done, refuse_existing
 from pilot.progress import ProgressBar, no_bar
 from pilot.vehicle import MPH, PLAUSIBLE_SPEED_MPH
 
@@ -161,29 +161,32 @@ def import_tub(tub: Tub, recording: Path, progress: ProgressBar[dict[str, Any]] 
         OSError: the recording cannot be written.
     """
     refuse_existing(recording)
-    lines: list[str] = []
-    names: dict[int, str] = {}
-    try:
-        (recording / "IMG").mkdir(parents=True)
-        for number, record in enumerate(progress(tub.records, len(tub.records), "reading")):
-            frame = _frame(tub.folder, record.get("cam/image_array"))
-            steering = record.get("user/angle")
-            if frame is None or not isinstance(steering, int | float) or not -1 <= steering <= 1:
-                continue
-            name = f"center_{time_stamp(_time(record, number))}.jpg"
-            (recording / "IMG" / name).write_bytes(encode_frame(frame))
-            lines.append(format_line([f"IMG/{name}", "", ""], float(steering), _throttle(record), _mph(record)))
-            names[int(record.get("_index", number))] = name
-    except OSError as error:
-        raise unwritable(recording, error) from error
-    if not lines:
-        shutil.rmtree(recording)
-        raise NoUsableData(f"{tub.folder}: no record has an image and user/angle")
-    write_atomically(recording / LOG_NAME, lambda file: file.write("".join(lines).encode()))
-    deleted = [LeftOut(names[index], names[index], "deleted in the tub") for index in sorted(tub.deleted & set(names))]
-    if deleted:
-        write_left_out(recording, deleted)
+    with move_when_done(recording) as unfinished:
+        (unfinished / "IMG").mkdir(parents=True)
+        names, lines = _write_images(tub, unfinished / "IMG", progress)
+        if not lines:
+            raise NoUsableData(f"{tub.folder}: no record has an image and user/angle")
+        (unfinished / LOG_NAME).write_text("".join(lines), encoding="utf-8", newline="")
+        deleted = sorted(tub.deleted & set(names))
+        if deleted:
+            write_left_out(unfinished, [LeftOut(names[index], names[index], "deleted in the tub") for index in deleted])
     return len(lines)
+
+
+def _write_images(tub: Tub, folder: Path, progress: ProgressBar[dict[str, Any]]) -> tuple[dict[int, str], list[str]]:
+    """Write the usable records' images; returns their names by the record's number, and the lines of the log."""
+    names: dict[int, str] = {}
+    lines: list[str] = []
+    for number, record in enumerate(progress(tub.records, len(tub.records), "reading")):
+        frame = _frame(tub.folder, record.get("cam/image_array"))
+        steering = record.get("user/angle")
+        if frame is None or not isinstance(steering, int | float) or not -1 <= steering <= 1:
+            continue
+        name = f"center_{time_stamp(_time(record, number))}.jpg"
+        (folder / name).write_bytes(encode_frame(frame))
+        lines.append(format_line([f"IMG/{name}", "", ""], float(steering), _throttle(record), _mph(record)))
+        names[int(record.get("_index", number))] = name
+    return names, lines
 
 
 def _frame(tub: Path, name: Any) -> Frame | None:
