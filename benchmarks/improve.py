@@ -3,9 +3,9 @@
     python benchmarks/improve.py MODEL [--minutes 5] [--seeds 5] [--roads 100] [--data RECORDING...]
 
 The other way to spend the time is to record more demonstrations of the built-in expert (laps and recoveries on new
-random roads), and to learn from them in the same manner. The roads are random ones from the seed 3100 on, of which only
-those are taken whose tightest bend has a radius of less than `TIGHT` metres; their first `METRES` are driven. Models and
-figures are kept in --out, and are not made again, so that a long run can be interrupted and continued.
+random roads), and to learn from them in the same manner. Of the random roads from the seed 3100 on, those are taken
+whose tightest bend has a radius of less than `TIGHT` metres; their first `METRES` are driven. Models and figures are
+kept in --out, and are not made again, so that a long run can be interrupted and continued.
 """
 
 import argparse
