@@ -41,7 +41,7 @@ def run(name: str, action: Callable[[], None], *, verbose: bool = False) -> int:
         print(f"\nInterrupted{f': {printable(interrupt)}' if str(interrupt) else ''}.", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the program that read the output has ended, such as head
-        sys.stdout = None  # type: ignore[assignment] # nothing is written to it any more, not even at the exit
+        sys.stdout = None  # nothing is written to it any more, not even at the exit
         return 1
     except (ValueError, OSError, RuntimeError) as error:
         print(f"{name}: {printable(error)}", file=sys.stderr)
