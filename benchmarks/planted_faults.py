@@ -31,12 +31,12 @@ SHORTEST = 30  # rows of a stretch, two to three seconds
 LATE_SECONDS = 1.0
 
 
-def plant(rows: pd.DataFrame, seed: int) -> tuple[pd.DataFrame, NDArray[np.object_]]:
+def plant(rows: pd.DataFrame, seed: int, share: float = SHARE) -> tuple[pd.DataFrame, NDArray[np.object_]]:
     """Return a copy of the rows with faults, and the kind of each row's fault, "" without one."""
     random = np.random.default_rng(seed)
     rows, kind = rows.copy(), np.full(len(rows), "", object)
-    count = min(max(int(SHARE * len(rows)) // SHORTEST, 1), len(KINDS))
-    length = int(SHARE * len(rows)) // count
+    count = min(max(int(share * len(rows)) // SHORTEST, 1), len(KINDS))
+    length = int(share * len(rows)) // count
     for number in range(count):
         begin = int((number + random.uniform(0.1, 0.9)) * (len(rows) - length) / count)
         stretch = slice(max(begin, SHORTEST), max(begin, SHORTEST) + length)
@@ -59,8 +59,8 @@ def spoil(rows: pd.DataFrame, stretch: slice, kind: str) -> None:
         rows.loc[index, ["speed", "steering", "throttle"]] = (0.0, 1.0, 1.0)
 
 
-def find(rows: pd.DataFrame, *, networks: bool) -> NDArray[np.int64]:
-    """Return the numbers of the most suspicious rows, the share `SHARE`."""
+def find(rows: pd.DataFrame, *, networks: bool, share: float = SHARE) -> NDArray[np.int64]:
+    """Return the numbers of the most suspicious rows, a share of all."""
     scores = {
         **suspicion.scores_of_log(rows),
         **suspicion.scores_of_images(rows, see_motion(rows["center"].tolist())),
@@ -69,7 +69,7 @@ def find(rows: pd.DataFrame, *, networks: bool) -> NDArray[np.int64]:
     if networks:
         scores |= suspicion.scores_of_predictions(rows, cross_predictions(rows))
     order = np.argsort(-suspicion.row_scores(scores), kind="stable")
-    return np.asarray(order[: int(SHARE * len(rows))])
+    return np.asarray(order[: int(share * len(rows))])
 
 
 def main() -> None:
