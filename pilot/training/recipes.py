@@ -8,6 +8,13 @@ from pilot.training.config import TrainingConfig
 
 NO_AUGMENTATION = AugmentConfig(flip=0, rotation=0, brightness=0, shadow=0, crop=0, viewpoint=0)
 
+# For recordings of people. Most use a keyboard, whose pulses are averaged. Views are displaced as far as a car that is
+# about to leave the road; they return to the driver's path near in tight bends and far on straights, as people do.
+_OF_PEOPLE = SampleConfig(side_correction=0.03, smooth_seconds=0.6)
+_WIDE_VIEWS = AugmentConfig(
+    viewpoint=0.8, viewpoint_metres=2.0, viewpoint_degrees=14.0, viewpoint_lookahead=20.0, viewpoint_nearest=8.0
+)
+_DEFAULT = TrainingConfig(samples=_OF_PEOPLE, augment=_WIDE_VIEWS)
 # Report 000: side cameras, mirrored copies, six rotated copies of each image, split by single time steps.
 _ROTATIONS = SampleConfig(split="moments", flipped_copies=True, rotated_copies=6, rotation_range=45)
 _REPORT_000 = TrainingConfig(
@@ -84,35 +91,24 @@ _BUILT_IN = TrainingConfig(
     augment=AugmentConfig(flip=0, brightness=0, shadow=0, viewpoint_lookahead=None, saturation=0.25),
 )
 # For recordings of people in the Unity simulator, from the weights of models/built_in.pt, and for fine-tuning on a
-# person's laps. Steering is averaged, because most people use a keyboard. Views are displaced as far as a car is that
-# is about to leave the road; they return to the driver's path near in tight bends and far on straights, as people do.
-# People drive anywhere on the road, so that networks trained by them alone hardly return to its middle; averaged with
-# the weights of the model that did, they do, and agree with people almost as well. Shadows, because the highest
-# graphics setting draws hard ones.
+# person's laps. People drive anywhere on the road, so that networks trained by them alone hardly return to its middle;
+# averaged with the weights of the model that did, they do, and agree with people almost as well. Shadows, because the
+# highest graphics setting draws hard ones.
 _REAL = replace(
     _BUILT_IN,
     recipe="real",
     epochs=6,
     learning_rate=7e-4,
     start_share=0.25,
-    samples=SampleConfig(side_correction=0.03, smooth_seconds=0.6, validation_share=0.1),
-    augment=AugmentConfig(
-        brightness=0,
-        shadow=0.5,
-        saturation=0.25,
-        viewpoint=0.8,
-        viewpoint_metres=2.0,
-        viewpoint_degrees=14.0,
-        viewpoint_lookahead=20.0,
-        viewpoint_nearest=8.0,
-    ),
+    samples=replace(_OF_PEOPLE, validation_share=0.1),
+    augment=replace(_WIDE_VIEWS, brightness=0, saturation=0.25),
 )
 # For learning from corrections in the built-in simulator, together with earlier demonstrations.
 _CORRECTIONS = replace(_BUILT_IN, recipe="corrections", epochs=3, learning_rate=5e-4, warm_up=50)
 # The same with the expert's corrections, which are as many as the demonstrations: see `pilot.training.improvement`.
 IMPROVEMENT = replace(_CORRECTIONS, epochs=2, samples=replace(_BUILT_IN.samples, correction_weight=1))
 RECIPES: dict[str, TrainingConfig] = {
-    "default": TrainingConfig(),
+    "default": _DEFAULT,
     "built-in": _BUILT_IN,
     **_REPORT_RECIPES,
     "real": _REAL,
