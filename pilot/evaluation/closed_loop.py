@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from pilot.arrays import Frame
+from pilot.data.frames import encoded_with
 from pilot.driving.autopilot import Answer, Autopilot
 from pilot.driving.driver import Driver, SteeringPolicy
 from pilot.driving.recorder import Recorder
@@ -26,7 +27,7 @@ from pilot.simulator.simulator import TICKS, Simulator
 from pilot.simulator.track import Track
 from pilot.simulator.trajectory import Trajectory
 from pilot.simulator.wire.client import build_telemetry, parse_steer
-from pilot.vehicle import MPH, TICK
+from pilot.vehicle import COLUMNS, MPH, NO_ROWS, ROWS, TICK, WHOLE_FRAME, Rows
 from pilot.video.clip import Overlays, make_clip
 
 SLOWEST = 0.25  # share of the target speed; a car that is slower on average does not complete its laps in time
@@ -58,6 +59,15 @@ class ModelPolicy:
         """
         return _load(self.path).steer
 
+    @property
+    def seen_rows(self) -> Rows:
+        """Rows of a frame on which the model's steering depends.
+
+        Raises:
+            UnusableModel: as for `__call__`.
+        """
+        return _load(self.path).model.network.seen_rows
+
 
 @functools.lru_cache(8)
 def _load(path: Path) -> Driver:
@@ -68,6 +78,13 @@ def expert_policy(episode: Episode) -> SteeringPolicy:
     """Return the steering policy of the expert, who knows the road and ignores the frame: the best case."""
     expert = Expert(episode)
     return lambda _frame: expert.command()[0]
+
+
+def seen_rows(driver: PolicyFactory) -> Rows:
+    """Return the rows of a frame on which a driver's steering depends."""
+    if driver is expert_policy:
+        return NO_ROWS
+    return driver.seen_rows if isinstance(driver, ModelPolicy) else WHOLE_FRAME
 
 
 # A single episode
@@ -180,15 +197,23 @@ def run(request: DriveRequest) -> Trajectory:
     """
     simulator = simulator_at(request)
     episode = simulator.episode
+    rows = encoded_with(seen_rows(request.driver)) if request.clip is None else WHOLE_FRAME
     do = functools.partial(
         drive_laps,
         episode,
-        lambda _: simulator.look()["center"],
+        lambda _: _look(simulator, rows),
         request.driver(episode),
         request.conditions,
         seed=request.start or 0,
     )
     return do() if request.clip is None else _filmed(do, episode, request.clip)
+
+
+def _look(simulator: Simulator, rows: Rows) -> Frame:
+    """Return the centre camera's frame, of which only `rows` are rendered."""
+    if rows == NO_ROWS:
+        return np.zeros((ROWS, COLUMNS, 3), np.uint8)
+    return simulator.look(rows=rows)["center"]
 
 
 def simulator_at(request: DriveRequest) -> Simulator:

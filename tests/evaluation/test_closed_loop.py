@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import picture
+from conftest import REPOSITORY, picture
 
 from pilot.driving.controller import ControllerConfig
 from pilot.evaluation.closed_loop import (
@@ -26,6 +26,7 @@ from pilot.model.checkpoint import Model, save_model
 from pilot.simulator.episode import Episode
 from pilot.simulator.referee import Referee
 from pilot.simulator.scores import Scores, score
+from pilot.simulator.simulator import Simulator
 from pilot.simulator.track import Track, closed_road
 from pilot.simulator.trajectory import Trajectory
 from pilot.workers import run_tasks
@@ -130,6 +131,31 @@ def test_driving_backwards_is_no_progress(winding: Track) -> None:
     assert referee.interventions[0].progress < -3
     assert referee.interventions[0].reason == "no progress"
     assert abs(car.state.heading_error) < 0.01
+
+
+def test_only_what_the_driver_looks_at_is_rendered(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    asked: list[object] = []
+    look = Simulator.look
+    monkeypatch.setattr(Simulator, "look", lambda self, *rest, **options: (asked.append(options), look(self, *rest))[1])
+    model = ModelPolicy(REPOSITORY / "models" / "built_in.pt")
+    short = Conditions(laps=0.001)
+    for driver, clip in ((model, None), (model, tmp_path / "clip.mp4"), (straight, None)):
+        asked.clear()
+        run(DriveRequest(driver, "lake", short, clip=clip))
+        assert asked[-1] == {"rows": (64, 144) if driver is model and clip is None else (0, 160)}
+    asked.clear()
+    run(DriveRequest(expert_policy, "lake", short))
+    assert asked == [{}]  # only that of the reset
+
+
+def test_a_drive_is_the_same_whether_all_rows_are_rendered_or_those_that_the_model_sees(tmp_path: Path) -> None:
+    model = ModelPolicy(REPOSITORY / "models" / "built_in.pt")
+    seen, whole = (
+        run(DriveRequest(model, "jungle", Conditions(laps=0.02), start=3, clip=clip))
+        for clip in (None, tmp_path / "clip.mp4")
+    )
+    assert np.array_equal(seen.positions, whole.positions)
+    assert np.array_equal(seen.steering, whole.steering)
 
 
 def test_a_driver_that_fails_ends_the_evaluation(winding: Track) -> None:
