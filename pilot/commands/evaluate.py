@@ -218,18 +218,19 @@ def drive_all(
 
     from pilot.workers import run_tasks
 
+    processes = config.jobs or os.cpu_count() or 1
     tasks = [
         ((name, scenario.title), task)
         for scenario in scenarios
         for name, driver in drivers.items()
-        for task in scenario.drive_tasks(driver, config.out / name if config.video else None)
+        for task in scenario.drive_tasks(driver, config.out / name if config.video else None, processes)
     ]
     done = dict(
         tqdm(
             run_tasks(operator.call, [task for _, task in tasks], config.jobs, process_settings.for_driving),
             "driving",
             len(tasks),
-            unit=" drives",
+            unit=" tasks",
             leave=False,
         )
     )

@@ -1,6 +1,6 @@
 """Low-latency CPU inference of a trained model: one frame to steering."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +8,8 @@ import torch
 
 from pilot.arrays import Frame
 from pilot.model.checkpoint import Model, load_model
-from pilot.model.inference import fast_forward
+from pilot.model.inference import fast_steps
+from pilot.model.side_by_side import SideBySide
 from pilot.vehicle import COLUMNS, ROWS
 
 SteeringPolicy = Callable[[Frame], float]  # a 160x320x3 uint8 RGB frame to steering, -1..1
@@ -27,7 +28,7 @@ class Driver:
     def __init__(self, model: Model) -> None:
         """Prepare the network for fast inference and warm it up."""
         self.model = model
-        self._network = fast_forward(model.network)
+        self._network = SideBySide(fast_steps(model.network))
         for _ in range(WARM_UP):
             self.steer(np.zeros((ROWS, COLUMNS, 3), np.uint8))
 
@@ -45,3 +46,9 @@ class Driver:
         with torch.inference_mode():
             steering = self._network(torch.from_numpy(np.ascontiguousarray(frame)[None]))
         return min(max(float(steering), -1.0), 1.0)
+
+    def steer_together(self, frames: Sequence[Frame]) -> list[float]:
+        """Return what `steer` returns for each of the frames, to the bit, in less time."""
+        with torch.inference_mode():
+            steering = self._network(torch.from_numpy(np.stack(frames)))
+        return [min(max(value, -1.0), 1.0) for value in steering.tolist()]
