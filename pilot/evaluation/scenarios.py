@@ -85,18 +85,16 @@ class TrackScenario:
 
     def drive_tasks(self, driver: PolicyFactory, clips: Path | None, processes: int) -> list[DriveTask]:
         """Return tasks for the start positions, of which each process drives its share side by side."""
-        together = 1 if self.socket or clips else min(math.ceil(len(self.starts) / processes), MOST_TOGETHER)
-        return [
-            functools.partial(self._drive, driver, self.starts[first : first + together], clips)
-            for first in range(0, len(self.starts), together)
-        ]
-
-    def _drive(self, driver: PolicyFactory, starts: Sequence[int | None], clips: Path | None) -> list[Trajectory]:
         requests = [
             DriveRequest(driver, self.track, self.conditions, self.light, start, self._clip(clips, start))
-            for start in starts
+            for start in self.starts
         ]
-        return [run_over_socket(requests[0])] if self.socket else run_together(requests)
+        if self.socket:
+            return [functools.partial(_over_socket, request) for request in requests]
+        together = 1 if clips else min(math.ceil(len(requests) / processes), MOST_TOGETHER)
+        groups = [requests[first : first + together] for first in range(0, len(requests), together)]
+        # not a method: a worker process would import all that scenarios need, such as matplotlib, to unpickle it
+        return [functools.partial(run_together, group) for group in groups]
 
     def _clip(self, folder: Path | None, start: int | None) -> Path | None:
         return folder / f"{self.file}{'' if start is None else f'-{start}'}.mp4" if folder else None
@@ -104,6 +102,10 @@ class TrackScenario:
     def draw(self, title: str, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
         """Draw the paths on the road from above, and the cross-track errors along the lap."""
         return draw_trajectories(title, load_track(self.track), trajectories, scores)
+
+
+def _over_socket(request: DriveRequest) -> list[Trajectory]:
+    return [run_over_socket(request)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -183,7 +183,7 @@ def test_the_processes_share_the_starts_of_a_track() -> None:
     scenario = TrackScenario("lake", None, starts, SETUP)
 
     def sizes(processes: int, clips: Path | None = None) -> list[int]:
-        return [len(task.args[1]) for task in scenario.drive_tasks(expert_policy, clips, processes)]
+        return [len(task.args[0]) for task in scenario.drive_tasks(expert_policy, clips, processes)]
 
     assert sizes(5) == [4] * 5
     assert sizes(1) == [8, 8, 4]  # no more at once
