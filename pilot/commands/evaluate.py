@@ -48,7 +48,7 @@ class EvaluationConfig:
     socket: bool = False
     """Drive through drive.py and its socket instead of in this process; the latency is then that of the protocol."""
     jobs: int | None = None
-    """Number of episodes and replays in parallel. Default: one per core."""
+    """Number of processes, which share the episodes and replays. Default: one per core."""
     out: Path = Path("evaluation")
     """Folder for scores.json and the figures."""
     video: bool = False
