@@ -2,7 +2,7 @@
 
 Every measurement runs in its own process. With --against, rounds alternate between this checkout and another one, such
 as that of `git worktree add ../before COMMIT`, to measure the effect of a change. --evaluation also times complete runs
-of evaluate.py.
+of evaluate.py, by the clock and by the processors' time, and says whether all tables are the same.
 """
 
 import argparse
@@ -20,7 +20,6 @@ REPOSITORY = Path(__file__).parents[1]
 NAMED = ("lake", "jungle", "mountain")  # not from the catalogue: `pilot` is imported only once the checkout is known
 PLACES = 200
 MODEL = "models/built_in.pt"
-EVALUATED_LAPS = 4
 Figures = dict[str, float]
 
 
@@ -101,8 +100,8 @@ def measure_apart(checkout: Path, track: str) -> Figures:
     return figures
 
 
-def evaluate(checkout: Path, track: str, jobs: int) -> Figures:
-    """Return the laps per minute of a complete run of evaluate.py, from its start to its table and figures."""
+def evaluate(checkout: Path, track: str, jobs: int, laps: int) -> tuple[Figures, str]:
+    """Return the laps per minute of a complete run of evaluate.py, from its start to its table, and the table."""
     with tempfile.TemporaryDirectory() as folder:
         command = [
             sys.executable,
@@ -115,31 +114,40 @@ def evaluate(checkout: Path, track: str, jobs: int) -> Figures:
             "--out",
             folder,
             "--seeds",
-            *map(str, range(1, EVALUATED_LAPS + 1)),
+            *map(str, range(1, laps + 1)),
         ]
-        began = time.perf_counter()
-        subprocess.run(command, cwd=checkout, check=True, capture_output=True)
-        return {f"evaluation, {jobs} at once, laps a minute": EVALUATED_LAPS / (time.perf_counter() - began) * 60}
+        began, used = time.perf_counter(), children_seconds()
+        shown = subprocess.run(command, cwd=checkout, check=True, capture_output=True, text=True).stdout
+        seconds, used = time.perf_counter() - began, children_seconds() - used
+        name = f"evaluation, {laps} laps, {jobs} processes, "
+        speeds = {name + "laps a minute": laps / seconds * 60, name + "processor s a lap": used / laps}
+        return speeds, shown.partition("scores and figures")[0]
+
+
+def children_seconds() -> float:
+    """Return the processor time of all child processes that have ended, in seconds."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def compare(track: str, checkouts: list[Path], options: argparse.Namespace) -> None:
     """Print the medians of the measurements on a track for each checkout, and their ratios."""
     rounds: list[list[Figures]] = [[] for _ in checkouts]
+    tables: set[str] = set()
     for _ in range(options.rounds):
         for checkout, result in zip(checkouts, rounds, strict=True):
-            jobs = (1, os.cpu_count() or 1) if options.evaluation else ()
-            evaluated = [evaluate(checkout, track, number) for number in jobs]
-            result.append(
-                {
-                    name: value
-                    for figures in (measure_apart(checkout, track), *evaluated)
-                    for name, value in figures.items()
-                }
-            )
+            figures = measure_apart(checkout, track)
+            for number in (1, os.cpu_count() or 1) if options.evaluation else ():
+                evaluated, table = evaluate(checkout, track, number, options.laps)
+                figures |= evaluated
+                tables.add(table)
+            result.append(figures)
     for name in rounds[0][0]:
         values = [statistics.median(figures[name] for figures in result) for result in rounds]
         ratio = f" {values[1] / values[0]:.2f} |" if len(values) > 1 else ""
         print(f"| {track} | {name} | " + " | ".join(f"{value:.3g}" for value in values) + f" |{ratio}", flush=True)
+    if tables:
+        print(f"| {track} | different tables of the evaluations | {len(tables)} |", flush=True)
 
 
 def main() -> None:
@@ -148,6 +156,7 @@ def main() -> None:
     parser.add_argument("--tracks", nargs="+", default=NAMED)
     parser.add_argument("--against", type=Path, help="a checkout of another version, to be compared with this one")
     parser.add_argument("--evaluation", action="store_true")
+    parser.add_argument("--laps", type=int, default=4, help="of an evaluation")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--measure", help=argparse.SUPPRESS)
     parser.add_argument("--checkout", help=argparse.SUPPRESS)

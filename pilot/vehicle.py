@@ -29,7 +29,10 @@ REVERSE_BELOW_MPH = 5.0  # a negative throttle brakes above this speed and rever
 PLAUSIBLE_SPEED_MPH = 200.0  # larger values in a log or telemetry are not speeds
 
 # The cameras
+Rows = tuple[int, int]  # first row of a frame, and the one after the last
 ROWS, COLUMNS = 160, 320  # pixels of a frame
+WHOLE_FRAME: Rows = (0, ROWS)
+NO_ROWS: Rows = (0, 0)
 FOCAL_LENGTH = 138.6  # pixels; gives a vertical field of view of 60 degrees
 CAMERA_HEIGHT = 1.3  # above the ground
 PITCH, ROLL, YAW = math.radians(8.5), math.radians(-1.2), math.radians(1.2)  # pitch is downwards

@@ -50,7 +50,7 @@ class EvaluationConfig:
     socket: bool = False
     """Drive through drive.py and its socket instead of in this process; the latency is then that of the protocol."""
     jobs: int | None = None
-    """Number of episodes and replays in parallel. Default: one per core."""
+    """Number of processes, which share the episodes and replays. Default: one per core."""
     out: Path = Path("evaluation")
     """Folder for scores.json and the figures."""
     video: bool = False
@@ -251,18 +251,19 @@ def drive_all(
 
     from pilot.workers import run_tasks
 
+    processes = config.jobs or os.cpu_count() or 1
     tasks = [
         ((name, scenario.title), task)
         for scenario in scenarios
         for name, driver in drivers.items()
-        for task in scenario.drive_tasks(driver, config.out / name if config.video else None)
+        for task in scenario.drive_tasks(driver, config.out / name if config.video else None, processes)
     ]
     done = dict(
         tqdm(
             run_tasks(operator.call, [task for _, task in tasks], config.jobs, process_settings.for_driving),
             "driving",
             len(tasks),
-            unit=" drives",
+            unit=" tasks",
             leave=False,
         )
     )

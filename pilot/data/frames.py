@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from pilot.arrays import Frame
 from pilot.data.image_header import is_decodable
-from pilot.vehicle import COLUMNS, ROWS
+from pilot.vehicle import COLUMNS, ROWS, Rows
 
 LARGEST_FILE = 1 << 25  # bytes of an image file; the simulator's have 20,000
 SMALLEST = 16  # pixels; a smaller image shows no road
 QUALITY = 75  # of JPEG images: Unity's default
+BLOCK = 16  # rows that JPEG encodes together: 8x8 blocks, with colours of half the resolution
 
 
 class UnreadableImage(ValueError):
@@ -89,3 +90,14 @@ def encode_frame(frame: Frame, quality: int = QUALITY) -> bytes:
     """Encode a 160x320x3 uint8 RGB frame as JPEG, as the simulator does."""
     blue_first = cv2.cvtColor(frame, cv2.COLOR_RGB2BGR)  # ten times as fast as with NumPy
     return cv2.imencode(".jpg", blue_first, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+
+
+def encoded_with(rows: Rows) -> Rows:
+    """Return the rows of a frame on which `rows` of it depend once it was encoded as JPEG and decoded again.
+
+    The decoder interpolates the colours, which have half the resolution, between neighbouring blocks.
+    """
+    first, last = rows
+    if first >= last:
+        return rows
+    return max((first - 2) // BLOCK * BLOCK, 0), min(-(-(last + 2) // BLOCK) * BLOCK, ROWS)

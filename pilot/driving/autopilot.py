@@ -74,14 +74,18 @@ class Autopilot:
         self.filter.reset()
 
     def answer(self, data: Any) -> Answer:
-        """Return the answer to the argument of a telemetry event: any value, None in manual mode. Never raises."""
+        """Return the answer to the argument of a telemetry event. Never raises.
+
+        Args:
+            data: any value; None in manual mode; a `Telemetry` that was parsed from the argument before.
+        """
         began = self.clock()
         if data is None:
             self._time = None
             self.last = MANUAL
             return MANUAL
         try:
-            telemetry = parse_telemetry(data)
+            telemetry = data if isinstance(data, Telemetry) else parse_telemetry(data)
             self.last = self._drive(telemetry, began)
         except BadTelemetry as error:
             self.warnings.warn("invalid telemetry, repeating the last command", error)

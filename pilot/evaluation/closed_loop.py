@@ -5,9 +5,10 @@ controller and steering filter, on the simulator's clock.
 """
 
 import functools
+import logging
 import tempfile
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -15,9 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from pilot.arrays import Frame
+from pilot.data.frames import encoded_with
 from pilot.driving.autopilot import Answer, Autopilot
 from pilot.driving.driver import Driver, SteeringPolicy
 from pilot.driving.recorder import Recorder
+from pilot.driving.telemetry import parse_telemetry
 from pilot.evaluation.conditions import Conditions
 from pilot.simulator.episode import Episode
 from pilot.simulator.expert import Expert
@@ -25,14 +28,17 @@ from pilot.simulator.referee import Referee, time_limit
 from pilot.simulator.simulator import TICKS, Simulator
 from pilot.simulator.trajectory import Trajectory
 from pilot.simulator.wire.client import build_telemetry, parse_steer
-from pilot.vehicle import TICK
+from pilot.vehicle import COLUMNS, NO_ROWS, ROWS, TICK, WHOLE_FRAME, Rows
 from pilot.video.clip import Overlays, make_clip
 
 FRAMES_PER_SECOND = 1 / (TICKS * TICK)
 CLIP_START = datetime(2000, 1, 1)  # time 0 of the simulator in the names of the frames of a clip
 
+log = logging.getLogger("pilot")
+
 PolicyFactory = Callable[[Episode], SteeringPolicy]
 Command = tuple[float, float]
+Drive = Generator[Frame, float, Trajectory]
 
 
 # Steering policies
@@ -54,7 +60,24 @@ class ModelPolicy:
         Raises:
             UnusableModel: the file is missing, damaged, or not a model of this project.
         """
-        return _load(self.path).steer
+        return self.load().steer
+
+    def load(self) -> Driver:
+        """Return the model, which is loaded once.
+
+        Raises:
+            UnusableModel: as for `__call__`.
+        """
+        return _load(self.path)
+
+    @property
+    def seen_rows(self) -> Rows:
+        """Rows of a frame on which the model's steering depends.
+
+        Raises:
+            UnusableModel: as for `__call__`.
+        """
+        return self.load().seen_rows
 
 
 @functools.lru_cache(8)
@@ -66,6 +89,13 @@ def expert_policy(episode: Episode) -> SteeringPolicy:
     """Return the steering policy of the expert, who knows the road and ignores the frame: the best case."""
     expert = Expert(episode)
     return lambda _frame: expert.command()[0]
+
+
+def seen_rows(driver: PolicyFactory) -> Rows:
+    """Return the rows of a frame on which a driver's steering depends."""
+    if driver is expert_policy:
+        return NO_ROWS
+    return driver.seen_rows if isinstance(driver, ModelPolicy) else WHOLE_FRAME
 
 
 # A single episode
@@ -119,23 +149,80 @@ def drive_laps(
         the trajectory, with its interventions.
 
     Raises:
-        RuntimeError: `steer` raised an exception; the autopilot has logged it.
+        RuntimeError: `steer` raised an exception, which is logged.
     """
-    autopilot = Autopilot(steer, conditions.speed, clock=lambda: episode.ticks * TICK)
+    drive = driving(episode, picture, conditions, seed=seed, observe=observe)
+    return drive_together([drive], lambda frames: [steer(frame) for frame in frames])[0]
+
+
+def driving(
+    episode: Episode,
+    picture: Callable[[Episode], Frame],
+    conditions: Conditions,
+    *,
+    seed: int = 0,
+    observe: Callable[[Answer], None] = lambda _: None,
+) -> Drive:
+    """Drive an episode like `drive_laps`, as a generator that leaves the steering to its caller.
+
+    Yields:
+        each frame as the autopilot receives it, 160x320x3 uint8 RGB; the steering for it is to be sent.
+
+    Returns:
+        the trajectory, with its interventions.
+    """
+    steering = 0.0
+    autopilot = Autopilot(lambda _: steering, conditions.speed, clock=lambda: episode.ticks * TICK)
     delay = Delay(round(conditions.latency_ms / 1000 / TICK))
     longest = time_limit(episode.track, conditions.laps, conditions.speed.speed)
     referee = Referee(episode, laps=conditions.laps, seconds=longest, on_put_back=delay.straighten)
     random = np.random.default_rng(seed)
     while not referee.over:
         if random.random() >= conditions.lost_frames:
-            answer = autopilot.answer(build_telemetry(episode, picture(episode)))
-            if answer.telemetry is None:
-                raise RuntimeError("the model failed; see the error above")
+            telemetry = parse_telemetry(build_telemetry(episode, picture(episode)))
+            steering = yield telemetry.frame
+            answer = autopilot.answer(telemetry)
             delay.send(episode.ticks, parse_steer(answer.message))
             observe(answer)
         for _ in range(TICKS):
             referee.observe(episode.advance(*delay.at(episode.ticks)))
     return referee.trajectory
+
+
+def drive_together(drives: Sequence[Drive], steer: Callable[[list[Frame]], list[float]]) -> list[Trajectory]:
+    """Drive several episodes side by side to their ends, and return their trajectories.
+
+    Args:
+        drives: from `driving`.
+        steer: returns the steering for the current frames of the drives that are not over.
+
+    Raises:
+        RuntimeError: `steer` raised an exception, which is logged.
+    """
+    frames: dict[int, Frame] = {}
+    trajectories: dict[int, Trajectory] = {}
+
+    def advance(number: int, steering: float | None) -> None:
+        try:
+            frames[number] = next(drives[number]) if steering is None else drives[number].send(steering)
+        except StopIteration as end:
+            frames.pop(number, None)
+            trajectories[number] = end.value
+
+    for number in range(len(drives)):
+        advance(number, None)
+    while frames:
+        for number, steering in zip(list(frames), _steered(steer, list(frames.values())), strict=True):
+            advance(number, steering)
+    return [trajectories[number] for number in range(len(drives))]
+
+
+def _steered(steer: Callable[[list[Frame]], list[float]], frames: list[Frame]) -> list[float]:
+    try:
+        return steer(frames)
+    except Exception as error:
+        log.exception("the model failed")
+        raise RuntimeError("the model failed; see the error above") from error
 
 
 # Episodes in worker processes
@@ -173,15 +260,43 @@ def run(request: DriveRequest) -> Trajectory:
     """
     simulator = simulator_at(request)
     episode = simulator.episode
+    rows = encoded_with(seen_rows(request.driver)) if request.clip is None else WHOLE_FRAME
     do = functools.partial(
         drive_laps,
         episode,
-        lambda _: simulator.look()["center"],
+        functools.partial(_look_at, simulator, rows),
         request.driver(episode),
         request.conditions,
         seed=request.start or 0,
     )
     return do() if request.clip is None else _filmed(do, episode, request.clip)
+
+
+def run_together(requests: Sequence[DriveRequest]) -> list[Trajectory]:
+    """Drive several episodes on one track, with one model and without clips, side by side in this process.
+
+    The network computes the steering for all of them at once. The trajectories are those of `run`, to the bit.
+
+    Raises:
+        ValueError, UnusableModel, RuntimeError: as for `run`.
+    """
+    driver = requests[0].driver
+    if len(requests) == 1 or not isinstance(driver, ModelPolicy):  # only a model gains by it
+        return [run(request) for request in requests]
+    rows = encoded_with(seen_rows(driver))
+    drives = []
+    for request in requests:
+        simulator = simulator_at(request)
+        picture = functools.partial(_look_at, simulator, rows)
+        drives.append(driving(simulator.episode, picture, request.conditions, seed=request.start or 0))
+    return drive_together(drives, driver.load().steer_together)
+
+
+def _look_at(simulator: Simulator, rows: Rows, episode: Episode) -> Frame:
+    """Return the centre camera's frame in an episode on the simulator's track, of which only `rows` are rendered."""
+    if rows == NO_ROWS:
+        return np.zeros((ROWS, COLUMNS, 3), np.uint8)
+    return simulator.renderer.render_episode(episode, rows=rows)["center"]
 
 
 def simulator_at(request: DriveRequest) -> Simulator:

@@ -1,6 +1,7 @@
 """Scenarios on which models are evaluated: tracks to drive and recordings to replay."""
 
 import functools
+import math
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from pilot.data.driving_log import read_driving_logs, share_of_each
 from pilot.data.frames import encode_frame
 from pilot.data.log_format import LOG_NAME, format_line, time_stamp
 from pilot.driving.driver import SteeringPolicy
-from pilot.evaluation.closed_loop import CLIP_START, DriveRequest, ModelPolicy, PolicyFactory, film, run
+from pilot.evaluation.closed_loop import CLIP_START, DriveRequest, ModelPolicy, PolicyFactory, film, run_together
 from pilot.evaluation.conditions import Conditions
 from pilot.evaluation.over_socket import run_over_socket
 from pilot.evaluation.pictures import draw_trajectories
@@ -27,6 +28,7 @@ from pilot.simulator.scores import Scores
 from pilot.simulator.trajectory import Trajectory
 
 DriveTask = Callable[[], Sequence[Trajectory]]  # picklable, because it runs in a worker process
+MOST_TOGETHER = 8  # drives side by side; more save no more time
 
 
 class Scenario(Protocol):
@@ -40,12 +42,13 @@ class Scenario(Protocol):
     def file(self) -> str:
         """Stem of the names of its figure and clips."""
 
-    def drive_tasks(self, driver: PolicyFactory, clips: Path | None) -> list[DriveTask]:
+    def drive_tasks(self, driver: PolicyFactory, clips: Path | None, processes: int) -> list[DriveTask]:
         """Return tasks that can run in parallel; each returns its trajectories.
 
         Args:
             driver: makes the steering policy.
-            clips: folder for a clip of each task; None: no clips.
+            clips: folder for a clip of each drive; None: no clips.
+            processes: number of processes in which the tasks will run.
         """
 
     def draw(self, title: str, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
@@ -80,18 +83,29 @@ class TrackScenario:
         """Stem of the names of its figure and clips."""
         return file_name(self.title)
 
-    def drive_tasks(self, driver: PolicyFactory, clips: Path | None) -> list[DriveTask]:
-        """Return one task per start position."""
-        return [functools.partial(self._drive, driver, start, clips) for start in self.starts]
+    def drive_tasks(self, driver: PolicyFactory, clips: Path | None, processes: int) -> list[DriveTask]:
+        """Return tasks for the start positions, of which each process drives its share side by side."""
+        requests = [
+            DriveRequest(driver, self.track, self.conditions, self.light, start, self._clip(clips, start))
+            for start in self.starts
+        ]
+        if self.socket:
+            return [functools.partial(_over_socket, request) for request in requests]
+        together = 1 if clips else min(math.ceil(len(requests) / processes), MOST_TOGETHER)
+        groups = [requests[first : first + together] for first in range(0, len(requests), together)]
+        # not a method: a worker process would import all that scenarios need, such as matplotlib, to unpickle it
+        return [functools.partial(run_together, group) for group in groups]
 
-    def _drive(self, driver: PolicyFactory, start: int | None, clips: Path | None) -> list[Trajectory]:
-        clip = clips / f"{self.file}{'' if start is None else f'-{start}'}.mp4" if clips else None
-        request = DriveRequest(driver, self.track, self.conditions, self.light, start, clip)
-        return [run_over_socket(request) if self.socket else run(request)]
+    def _clip(self, folder: Path | None, start: int | None) -> Path | None:
+        return folder / f"{self.file}{'' if start is None else f'-{start}'}.mp4" if folder else None
 
     def draw(self, title: str, trajectories: Sequence[Trajectory], scores: Scores) -> Figure:
         """Draw the paths on the road from above, and the cross-track errors along the lap."""
         return draw_trajectories(title, load_track(self.track), trajectories, scores)
+
+
+def _over_socket(request: DriveRequest) -> list[Trajectory]:
+    return [run_over_socket(request)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +130,7 @@ class RecordingScenario:
         """Stem of the names of its figure and clips."""
         return f"replay-{self.name}"
 
-    def drive_tasks(self, driver: PolicyFactory, clips: Path | None) -> list[DriveTask]:
+    def drive_tasks(self, driver: PolicyFactory, clips: Path | None, processes: int) -> list[DriveTask]:
         """Return one task that replays all segments.
 
         Raises:

@@ -6,7 +6,7 @@ modules (which look up their weights and hooks by name at each call).
 """
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeGuard
 
@@ -27,20 +27,29 @@ def fast_forward(network: SteeringNetwork) -> Operation:
     Args:
         network: a network in evaluation mode; later changes of its weights have no effect.
     """
+    return chained(fast_steps(network))
+
+
+def fast_steps(network: SteeringNetwork) -> list[Operation]:
+    """Return the operations of the fast forward function, to be applied one after another."""
     folded = fold_dense(network)
     if type(network).forward is not SteeringNetwork.forward or type(network.layers) is not nn.Sequential:
-        return folded
-    prepare = folded.prepare
+        return [folded]
     layers = list(folded.layers.children())
+    own = type(network).prepare is not SteeringNetwork.prepare
+    prepare: list[Operation] = [folded.prepare] if own else [folded.resize, folded.normalise]
     if (convolution := _fold_colours(folded, layers[0])) is not None:
-        prepare, layers[0] = folded.resize, convolution
-    operations = [_operation(layer) for layer in layers]
+        prepare, layers[0] = [folded.resize], convolution
+    return [folded.crop, *prepare, *map(_operation, layers), partial(torch.squeeze, dim=1)]
 
-    def forward(frames: Tensor) -> Tensor:
-        maps = prepare(folded.crop(frames))
+
+def chained(operations: Sequence[Operation]) -> Operation:
+    """Return a function that applies operations one after another."""
+
+    def forward(maps: Tensor) -> Tensor:
         for operation in operations:
             maps = operation(maps)
-        return maps.squeeze(1)
+        return maps
 
     return forward
 

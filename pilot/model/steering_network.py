@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from pilot.data.view import CROP_BOTTOM, CROP_TOP
+from pilot.vehicle import WHOLE_FRAME, Rows
 
 NVIDIA_MAPS = (24, 36, 48, 64, 64)  # feature maps of NVIDIA's convolutions (arXiv 1604.07316)
 
@@ -26,9 +27,15 @@ class SteeringNetwork(nn.Module):
         layers: maps the prepared images to N x 1; set by the subclass.
     """
 
-    rows: tuple[int, int] = (70, 135)
+    rows: Rows = (70, 135)
     columns: tuple[int, int] = (0, 320)
     layers: nn.Module
+
+    @property
+    def seen_rows(self) -> Rows:
+        """Rows of a frame on which the steering depends: `rows`, or all if a subclass does not crop them."""
+        crops = type(self).crop is SteeringNetwork.crop and type(self).forward is SteeringNetwork.forward
+        return self.rows if crops else WHOLE_FRAME
 
     def forward(self, frames: Tensor) -> Tensor:
         """Compute the steering (N, float32) for frames (N x 160 x 320 x 3, uint8 RGB)."""

@@ -13,6 +13,7 @@ from pilot.simulator.episode import CarState, Episode
 from pilot.simulator.rendering.renderer import Renderer
 from pilot.simulator.rendering.scene import Scene
 from pilot.simulator.track import REVERSED
+from pilot.vehicle import WHOLE_FRAME, Rows
 
 TICKS = 2  # of 20 ms per step: the Unity simulator sends about 25 frames per second
 
@@ -82,9 +83,14 @@ class Simulator:
             self.episode.advance(steering, throttle)
         return Observation(self.look(), self.episode.state)
 
-    def look(self, variation: CameraVariation = STANDARD, only: str | None = None) -> dict[str, Frame]:
-        """Render the current frames of all cameras or of `only` one, by camera name: 160x320x3 uint8 RGB each."""
-        return self.renderer.render_episode(self.episode, variation, only) if self.cameras else {}
+    def look(
+        self, variation: CameraVariation = STANDARD, only: str | None = None, rows: Rows = WHOLE_FRAME
+    ) -> dict[str, Frame]:
+        """Render the current frames of all cameras or of `only` one, by camera name: 160x320x3 uint8 RGB each.
+
+        All rows but `rows` are black, which takes less time.
+        """
+        return self.renderer.render_episode(self.episode, variation, only, rows) if self.cameras else {}
 
     def close(self) -> None:
         """Release the renderer's resources."""

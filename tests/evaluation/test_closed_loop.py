@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import picture
+from conftest import REPOSITORY, picture
 
+from pilot.arrays import Frame
 from pilot.driving.controller import ControllerConfig
 from pilot.evaluation.closed_loop import (
     Delay,
@@ -17,16 +18,20 @@ from pilot.evaluation.closed_loop import (
     drive_laps,
     expert_policy,
     run,
+    run_together,
 )
 from pilot.evaluation.conditions import Conditions, expand_tracks
 from pilot.evaluation.over_socket import run_over_socket
+from pilot.evaluation.scenarios import TrackScenario
 from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, save_model
 from pilot.simulator.episode import Episode
 from pilot.simulator.referee import Referee, time_limit
+from pilot.simulator.rendering.renderer import Renderer
 from pilot.simulator.scores import Scores, score
 from pilot.simulator.track import Track, closed_road
 from pilot.simulator.trajectory import Trajectory
+from pilot.vehicle import Rows
 from pilot.workers import run_tasks
 
 FRAME = picture(0.0)
@@ -129,6 +134,60 @@ def test_driving_backwards_is_no_progress(winding: Track) -> None:
     assert referee.interventions[0].progress < -3
     assert referee.interventions[0].reason == "no progress"
     assert abs(car.state.heading_error) < 0.01
+
+
+def test_only_what_the_driver_looks_at_is_rendered(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    rendered: list[Rows] = []
+    render = Renderer.render
+
+    def observed(self: Renderer, *place: float, rows: Rows, **options: object) -> dict[str, Frame]:
+        rendered.append(rows)
+        return render(self, *place, rows=rows, **options)
+
+    monkeypatch.setattr(Renderer, "render", observed)
+    model = ModelPolicy(REPOSITORY / "models" / "built_in.pt")
+    short = Conditions(laps=0.001)
+    for driver, clip in ((model, None), (model, tmp_path / "clip.mp4"), (straight, None)):
+        run(DriveRequest(driver, "lake", short, clip=clip))
+        assert rendered[-1] == ((64, 144) if driver is model and clip is None else (0, 160))
+    rendered.clear()
+    run(DriveRequest(expert_policy, "lake", short))
+    assert len(rendered) == 1  # that of the reset
+
+
+def test_a_drive_is_the_same_whether_all_rows_are_rendered_or_those_that_the_model_sees(tmp_path: Path) -> None:
+    model = ModelPolicy(REPOSITORY / "models" / "built_in.pt")
+    seen, whole = (
+        run(DriveRequest(model, "jungle", Conditions(laps=0.02), start=3, clip=clip))
+        for clip in (None, tmp_path / "clip.mp4")
+    )
+    assert np.array_equal(seen.positions, whole.positions)
+    assert np.array_equal(seen.steering, whole.steering)
+
+
+def test_side_by_side_in_one_process_the_drives_are_the_same_to_the_bit() -> None:
+    model = ModelPolicy(REPOSITORY / "models" / "built_in.pt")
+    requests = [
+        DriveRequest(model, track, Conditions(laps=laps, lost_frames=0.1), start=start)
+        for track, laps, start in (("jungle", 0.01, None), ("jungle reversed", 0.02, 4), ("jungle", 0.005, 5))
+    ]
+    for alone, together in zip(map(run, requests), run_together(requests), strict=True):
+        assert np.array_equal(alone.positions, together.positions)
+        assert np.array_equal(alone.steering, together.steering)
+        assert alone.interventions == together.interventions
+
+
+def test_the_processes_share_the_starts_of_a_track() -> None:
+    starts = tuple(range(20))
+    scenario = TrackScenario("lake", None, starts, SETUP)
+
+    def sizes(processes: int, clips: Path | None = None) -> list[int]:
+        return [len(task.args[0]) for task in scenario.drive_tasks(expert_policy, clips, processes)]
+
+    assert sizes(5) == [4] * 5
+    assert sizes(1) == [8, 8, 4]  # no more at once
+    assert sizes(5, Path("clips")) == [1] * 20
+    assert sizes(100) == [1] * 20
 
 
 def test_a_driver_that_fails_ends_the_evaluation(winding: Track) -> None:

@@ -6,6 +6,7 @@ from pilot.model.build import build_network, count_parameters
 from pilot.model.inference import fast_forward, fold_dense
 from pilot.model.networks import network_names
 from pilot.model.networks.pilotnet import PilotNet
+from pilot.model.steering_network import SteeringNetwork
 
 COUNTS = {
     "nvidia": 2_712_951,
@@ -151,3 +152,22 @@ def test_a_preparation_of_another_kind_is_not_folded_away(kind: type[PilotNet]) 
     frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
     with torch.inference_mode():
         torch.testing.assert_close(fast_forward(network)(frames), network(frames), atol=1e-5, rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", network_names())
+def test_the_steering_depends_only_on_the_rows_that_the_network_names(name: str) -> None:
+    network = build_network(name, 0).eval()
+    first, last = network.seen_rows
+    frame = torch.randint(0, 256, (1, 160, 320, 3), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
+    other = torch.zeros_like(frame)
+    other[:, first:last] = frame[:, first:last]
+    with torch.inference_mode():
+        assert torch.equal(network(frame), network(other))
+
+
+def test_a_network_that_crops_in_its_own_way_sees_the_whole_frame() -> None:
+    class Whole(SteeringNetwork):
+        def crop(self, frames: torch.Tensor) -> torch.Tensor:
+            return frames.permute(0, 3, 1, 2)
+
+    assert Whole().seen_rows == (0, 160)

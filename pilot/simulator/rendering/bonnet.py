@@ -41,11 +41,11 @@ HEADLIGHT: Points = [(201, 150), (206, 145), (219, 143), (217, 148), (208, 153)]
 PAINT, EDGE, GLASS, LAMP = (196, 168, 128), (150, 128, 98), (196, 204, 200), (252, 250, 240)
 
 
-def add_bonnet(frame: Frame, camera: str, light: Light) -> Frame:
-    """Draw the bonnet into a camera's frame (160x320x3 uint8 RGB), in place; returns the frame."""
+def add_bonnet(frame: Frame, camera: str, light: Light, last: int = ROWS) -> Frame:
+    """Draw the bonnet into a camera's frame (160x320x3 uint8 RGB), in place, down to row `last`; returns the frame."""
     colour, alpha = _picture(camera, light)
-    below = frame[BONNET_ROW:]
-    below[:] = (below * (1 - alpha) + colour).astype(np.uint8)
+    below = frame[BONNET_ROW:last]
+    below[:] = (below * (1 - alpha[: len(below)]) + colour[: len(below)]).astype(np.uint8)
     return frame
 
 

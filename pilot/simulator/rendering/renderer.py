@@ -20,14 +20,25 @@ from panda3d.core import (
     load_prc_file_data,
 )
 
-from pilot.arrays import Frame, Matrix
+from pilot.arrays import Floats, Frame, Matrix
 from pilot.camera import camera_rotation
 from pilot.simulator.camera_variation import STANDARD, CameraVariation
 from pilot.simulator.episode import Episode
 from pilot.simulator.rendering.bonnet import add_bonnet
+from pilot.simulator.rendering.row_mask import RowMask
 from pilot.simulator.rendering.scene import Scene
-from pilot.vehicle import CAMERA_AHEAD_OF_REAR_AXLE, CAMERA_HEIGHT, CAMERA_OFFSETS, COLUMNS, FOCAL_LENGTH, ROWS
+from pilot.vehicle import (
+    CAMERA_AHEAD_OF_REAR_AXLE,
+    CAMERA_HEIGHT,
+    CAMERA_OFFSETS,
+    COLUMNS,
+    FOCAL_LENGTH,
+    ROWS,
+    WHOLE_FRAME,
+    Rows,
+)
 
+CAMERA_ROTATION = camera_rotation()
 NEAR, FAR = 0.4, 1200.0  # clipping distances, metres
 SETTINGS = """
     audio-library-name null
@@ -68,6 +79,7 @@ class Renderer:
         self._output.add_render_texture(self._picture, GraphicsOutput.RTM_copy_ram)
         self._regions: list[DisplayRegion] = []
         self._nodes = [self._add_camera(number) for number in range(len(cameras))]
+        self._masks = [RowMask(node, number) for number, node in enumerate(self._nodes)]
 
     def _add_camera(self, number: int) -> NodePath:
         lens = PerspectiveLens()
@@ -92,6 +104,7 @@ class Renderer:
         *,
         variation: CameraVariation = STANDARD,
         only: str | None = None,
+        rows: Rows = WHOLE_FRAME,
     ) -> dict[str, Frame]:
         """Render the cameras' frames, by camera name: 160x320x3 uint8 RGB each.
 
@@ -101,8 +114,10 @@ class Renderer:
             slope: of the ground in the direction of the heading, rise over run.
             variation: of the cameras.
             only: name of the only camera to render, which takes less time; None: all.
+            rows: the only rows to render, which takes less time; the others are black.
         """
-        for name, node, region in zip(self.cameras, self._nodes, self._regions, strict=True):
+        for name, node, region, mask in zip(self.cameras, self._nodes, self._regions, self._masks, strict=True):
+            mask.uncover(rows)
             region.set_active(only in (None, name))
             pose = camera_pose(x, y, z, heading, slope, offset=CAMERA_OFFSETS[name], variation=variation)
             node.set_mat(LMatrix4f(*pose.ravel()))
@@ -116,21 +131,34 @@ class Renderer:
         for number, name in enumerate(self.cameras):
             if only not in (None, name):
                 continue
-            frame = add_bonnet(strip[:, number * COLUMNS : (number + 1) * COLUMNS].copy(), name, self.scene.light)
+            frame = add_bonnet(
+                _only(rows, strip[:, number * COLUMNS : (number + 1) * COLUMNS]), name, self.scene.light, rows[1]
+            )
             frames[name] = frame if variation is STANDARD else variation.developed(frame)
         return frames
 
     def render_episode(
-        self, episode: Episode, variation: CameraVariation = STANDARD, only: str | None = None
+        self,
+        episode: Episode,
+        variation: CameraVariation = STANDARD,
+        only: str | None = None,
+        rows: Rows = WHOLE_FRAME,
     ) -> dict[str, Frame]:
         """Render the cameras' frames in an episode's current state, as `render` does."""
         car = episode.car
         ground = self.scene.ground(episode)
-        return self.render(car.x, car.y, ground, car.heading, episode.slope, variation=variation, only=only)
+        return self.render(car.x, car.y, ground, car.heading, episode.slope, variation=variation, only=only, rows=rows)
 
     def close(self) -> None:
         """Release the off-screen buffer."""
         self._engine.remove_window(self._output)
+
+
+def _only(rows: Rows, picture: Frame) -> Frame:
+    """Return a copy of a picture in which all rows but `rows` are black."""
+    frame = np.zeros((ROWS, COLUMNS, 3), np.uint8)
+    frame[slice(*rows)] = picture[slice(*rows)]
+    return frame
 
 
 def camera_pose(
@@ -146,9 +174,9 @@ def camera_pose(
     pitch = math.atan(slope) - variation.pitch
     forward = np.array([math.sin(heading) * math.cos(pitch), math.cos(heading) * math.cos(pitch), math.sin(pitch)])
     level = np.array([math.cos(heading), -math.sin(heading), 0.0])
-    right = math.cos(variation.roll) * level - math.sin(variation.roll) * np.cross(level, forward)
-    up = np.cross(right, forward)
-    axes = camera_rotation() @ np.stack([right, -up, forward])  # right, down and forward of the tilted camera
+    right = math.cos(variation.roll) * level - math.sin(variation.roll) * _cross(level, forward)
+    up = _cross(right, forward)
+    axes = CAMERA_ROTATION @ np.stack([right, -up, forward])  # right, down and forward of the tilted camera
     pose = np.eye(4)
     pose[0, :3], pose[1, :3], pose[2, :3] = axes[0], axes[2], -axes[1]
     pose[3, :3] = (
@@ -158,3 +186,9 @@ def camera_pose(
         + offset * right
     )
     return pose
+
+
+def _cross(first: Floats, second: Floats) -> Floats:
+    """Return the cross product of two vectors of length 3; NumPy's takes ten times as long."""
+    (a, b, c), (d, e, f) = first.tolist(), second.tolist()
+    return np.array([b * f - c * e, c * d - a * f, a * e - b * d])

@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from panda3d.core import (
+    BoundingBox,
+    BoundingVolume,
     CullBinManager,
     Geom,
     GeomNode,
@@ -15,6 +17,7 @@ from panda3d.core import (
     GeomVertexData,
     GeomVertexFormat,
     InternalName,
+    LPoint3,
     NodePath,
     SamplerState,
     Texture,
@@ -165,8 +168,16 @@ def _attach(parent: NodePath, mesh: Mesh, shine: LightMap | None) -> None:
     for chunk in mesh.chunks():
         node = GeomNode(mesh.texture)
         node.add_geom(to_geom(chunk, shine))
+        _bound(node, chunk)
         path = parent.attach_new_node(node)
         path.set_texture(texture)
+
+
+def _bound(node: GeomNode, mesh: Mesh) -> None:
+    """Bound a node by a box; by default, it is a sphere, which is hardly ever out of view if the mesh is flat."""
+    corners = mesh.corners.reshape(-1, 3)
+    node.set_bounds_type(BoundingVolume.BT_box)
+    node.set_bounds(BoundingBox(LPoint3(*corners.min(0)), LPoint3(*corners.max(0))))
 
 
 def to_geom(mesh: Mesh, shine: LightMap | None) -> Geom:
@@ -223,6 +234,5 @@ def _sky(light: Light, course: Course) -> NodePath:
     sky.set_texture(texture)
     sky.set_two_sided(True)
     sky.set_bin("background", 0)
-    sky.set_depth_write(False)
-    sky.set_depth_test(False)
+    sky.set_depth_write(False)  # drawn first, so that only a mask of rows hides it
     return sky
