@@ -45,6 +45,7 @@ def export_network(network: nn.Module, example: torch.Tensor) -> onnx.ModelProto
         )
     assert program is not None
     converted: onnx.ModelProto = program.model_proto
+    onnx.checker.check_model(converted, full_check=True)
     return converted
 
 
@@ -55,7 +56,6 @@ def with_card(converted: onnx.ModelProto, card: ModelCard) -> onnx.ModelProto:
     for node in converted.graph.node:  # paths and lines of the source code
         del node.metadata_props[:]
         node.doc_string = ""
-    onnx.checker.check_model(converted, full_check=True)
     return converted
 
 
