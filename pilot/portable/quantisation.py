@@ -9,7 +9,7 @@ import onnx
 from numpy.typing import NDArray
 from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantType, quantize_static, shape_inference
 
-# Not the dense layers, which take little time and make six times the error; not MatMul, which resizes frames to the bit.
+# Not the dense layers, which take little time and make six times the error; not MatMul, which resizes frames.
 QUANTISED = ("Conv",)
 
 
