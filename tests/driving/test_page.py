@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator
 
+import onnx
 import pytest
 from browser import needs_browser, opened_browser
+from onnx import TensorProto, helper
 from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
@@ -124,6 +126,30 @@ def test_model_and_recording_are_chosen_on_the_page(server: Server, browser: web
         wait_for(browser, "document.getElementById('recorded').textContent === 'not recording'", client)
     [run] = (server.folder / "runs").iterdir()
     assert len(read_driving_logs([run]).rows) >= 1
+
+
+def test_an_onnx_file_drives_but_does_not_show_what_it_looks_at(server: Server, browser: webdriver.Chrome) -> None:
+    frames = helper.make_tensor_value_info("frames", TensorProto.UINT8, ["n", 160, 320, 3])
+    steering = helper.make_tensor_value_info("steering", TensorProto.FLOAT, [])
+    nodes = [helper.make_node("Cast", ["frames"], ["pixels"], to=TensorProto.FLOAT)]
+    nodes += [
+        helper.make_node("ReduceMean", ["pixels"], ["mean"], keepdims=0),
+        helper.make_node("Tanh", ["mean"], ["steering"]),
+    ]
+    graph = helper.make_graph(nodes, "brightness", [frames], [steering])
+    onnx.save(
+        helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=10), server.folder / "a.onnx"
+    )
+    browser.refresh()
+    with server.client() as client:
+        driven(client)
+        wait_for(browser, "document.getElementById('model').options.length === 3", client)
+        assert browser.find_element(By.ID, "saliency").is_enabled()
+        browser.execute_script(
+            "const m = document.getElementById('model'); m.value = 'a.onnx'; m.dispatchEvent(new Event('change'));"
+        )
+        wait_for(browser, "document.getElementById('saliency').disabled", client)
+        wait_for(browser, "document.getElementById('steering').textContent.startsWith('1.000')", client)
 
 
 def test_fits_a_narrow_screen(browser: webdriver.Chrome) -> None:
