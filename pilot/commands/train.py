@@ -148,7 +148,7 @@ def parse_options(arguments: Sequence[str]) -> TrainingConfig:
     if first.resume:
         return _resumed_options(arguments, first.out)
     own = first.data or has_own_recordings(*TrainingConfig().folders)
-    recipe = first.recipe or ("built-in" if not own else "real" if first.start else "default")
+    recipe = first.recipe or ("built-in" if not own else "fine-tune" if first.start else "default")
     if recipe not in RECIPES:
         raise ValueError(f"--recipe {recipe}: there are {', '.join(RECIPES)}")
     options = _with_network_of(first.start, RECIPES[recipe]) if first.start else RECIPES[recipe]

@@ -74,7 +74,8 @@ class DriveSession:
     @property
     def recipe(self) -> str:
         """Recipe by which the model can learn from its corrections: that for the simulator that it was made for."""
-        return "real" if self.model.config.get("recipe") in ("real", "default") else "corrections"
+        for_unity = self.model.config.get("recipe") in ("real", "default", "fine-tune")
+        return "fine-tune" if for_unity else "corrections"
 
     # Recording
 

@@ -90,10 +90,9 @@ _BUILT_IN = TrainingConfig(
     samples=SampleConfig(side_rule="pursuit", validation_share=0.1),
     augment=AugmentConfig(flip=0, brightness=0, shadow=0, viewpoint_lookahead=None, saturation=0.25),
 )
-# For recordings of people in the Unity simulator, from the weights of models/built_in.pt, and for fine-tuning on a
-# person's laps. People drive anywhere on the road, so that networks trained by them alone hardly return to its middle;
-# averaged with the weights of the model that did, they do, and agree with people almost as well. Shadows, because the
-# highest graphics setting draws hard ones.
+# For recordings of people in the Unity simulator, from the weights of models/built_in.pt. People drive anywhere on the
+# road, so that networks trained by them alone hardly return to its middle; averaged with the weights of the model that
+# did, they do, and agree with people almost as well. Shadows, because the highest graphics setting draws hard ones.
 _REAL = replace(
     _BUILT_IN,
     recipe="real",
@@ -103,6 +102,8 @@ _REAL = replace(
     samples=replace(_OF_PEOPLE, validation_share=0.1),
     augment=replace(_WIDE_VIEWS, brightness=0, saturation=0.25),
 )
+# For a person's own laps on top of a ready-made model: few, so that more of the model is kept.
+_FINE_TUNE = replace(_REAL, recipe="fine-tune", start_share=0.5)
 # For learning from corrections in the built-in simulator, together with earlier demonstrations.
 _CORRECTIONS = replace(_BUILT_IN, recipe="corrections", epochs=3, learning_rate=5e-4, warm_up=50)
 # The same with the expert's corrections, which are as many as the demonstrations: see `pilot.training.improvement`.
@@ -112,5 +113,6 @@ RECIPES: dict[str, TrainingConfig] = {
     "built-in": _BUILT_IN,
     **_REPORT_RECIPES,
     "real": _REAL,
+    "fine-tune": _FINE_TUNE,
     "corrections": _CORRECTIONS,
 }
