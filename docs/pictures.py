@@ -3,7 +3,8 @@
     python docs/pictures.py model.pt
 
 The cameras' pictures of every track on one sheet; the two real roads from above; the page, photographed in
-headless Chromium while drive.py drives the lake; a frame of a clip of that drive; and the data page.
+headless Chromium while drive.py drives the lake; a frame of a clip of that drive; the data page; and the page of the
+board in the folder board/, if docs/board.md's command has been run.
 """
 
 import contextlib
@@ -154,6 +155,13 @@ def photograph_data(model: Path, folder: Path, target: Path) -> None:
         process.send_signal(signal.SIGINT)
 
 
+def photograph_board(page: Path, target: Path) -> None:
+    """The board's page."""
+    with opened_browser((1280, 760)) as browser:
+        browser.get(page.as_uri())
+        browser.save_screenshot(str(target))
+
+
 def draw_clip_frame(run: Path, model: Path, target: Path) -> None:
     """A frame of a clip with all overlays."""
     clip = run.with_suffix(".mp4")
@@ -175,6 +183,8 @@ def main(model: Path) -> None:
             photograph(ROOT / "docs" / "page.png", ROOT / "docs" / "page_narrow.png")
         draw_clip_frame(run, model, ROOT / "docs" / "clip.png")
         photograph_data(model, Path(name) / "data", ROOT / "docs" / "data_page.png")
+    if (board := ROOT / "board" / "board.html").exists():
+        photograph_board(board, ROOT / "docs" / "board.png")
 
 
 if __name__ == "__main__":
