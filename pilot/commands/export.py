@@ -90,6 +90,7 @@ def export(config: ExportConfig) -> None:
     """
     process_settings.for_driving()
     # imported here, so that --help and invalid options do not wait for PyTorch
+    from pilot.driving.driver import Driver
     from pilot.portable.comparison import compare
     from pilot.portable.conversion import convert
     from pilot.portable.onnx_model import onnx_model
@@ -100,6 +101,8 @@ def export(config: ExportConfig) -> None:
     model = onnx_model(config.target, files[config.target])
     frames = example_frames(config.data)
     forms = {"PyTorch": conversion.original} if conversion.original else {}
+    if config.model.suffix == ".pt":
+        forms["PyTorch, frozen by drive.py"] = Driver.load(config.model).steer
     forms[config.target.name] = model.steer
     if config.int8:
         from pilot.portable.quantisation import quantise
@@ -153,9 +156,9 @@ def check_agreement(measured: "Sequence[Measured]", name: str) -> None:
 def describe(measured: "Sequence[Measured]", files: dict[Path, bytes]) -> str:
     """Return the comparison as text."""
     sizes = {path.name: f"{len(content) / 1e6:.2f} MB" for path, content in files.items()}
-    lines = [f"{'frame to steering':24} {'median':>9} {'99 %':>9} {'largest difference':>19} {'mean':>8} {'size':>9}"]
+    lines = [f"{'frame to steering':28} {'median':>9} {'99 %':>9} {'largest difference':>19} {'mean':>8} {'size':>9}"]
     lines += [
-        f"{form.form:24} {form.median_ms:6.2f} ms {form.percentile_99_ms:6.2f} ms {form.largest_difference:19.1e} "
+        f"{form.form:28} {form.median_ms:6.2f} ms {form.percentile_99_ms:6.2f} ms {form.largest_difference:19.1e} "
         f"{form.mean_difference:8.1e} {sizes.get(form.form, ''):>9}"
         for form in measured
     ]

@@ -49,7 +49,7 @@ def compare(
     for frame in progress(frames, len(frames), "comparing"):
         for name, steer in forms.items():
             began = time.perf_counter()
-            steering[name].append(steer(frame))
+            steering[name].append(min(max(steer(frame), -1.0), 1.0))  # as drive.py
             times[name].append(1000 * (time.perf_counter() - began))
     reference = np.array(next(iter(steering.values())))
     return [
