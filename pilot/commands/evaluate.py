@@ -85,11 +85,8 @@ class EvaluationConfig:
             raise ValueError("--socket: --latency-ms and --lost-frames are for drives without it")
         if EXPERT in self.models and (self.socket or self.recordings):
             raise ValueError("the expert knows the road of the built-in simulator: not with --socket or --recordings")
-        if self.suite and (self.tracks, self.lights, self.seeds, self.recordings, self.socket, self.conditions) != (
-            *((),) * 4,
-            False,
-            Conditions(),
-        ):
+        allowed = EvaluationConfig(self.models, suite=self.suite, jobs=self.jobs, out=self.out, video=self.video)
+        if self.suite and self != allowed:
             raise ValueError("--suite: has its own tracks and conditions; only --jobs, --out and --video go with it")
         if not 0 < self.last_part <= 1:
             raise ValueError(f"--last-part {self.last_part:g}: must be greater than 0, and at most 1")
