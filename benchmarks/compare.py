@@ -19,12 +19,12 @@ from tqdm import tqdm
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from pilot.data.driving_log import read_driving_logs
-from pilot.data.samples import make_samples
 from pilot.model.build import count_parameters
 from pilot.model.networks import network_names
 from pilot.training import report
 from pilot.training.config import TrainingConfig
 from pilot.training.recipes import RECIPES
+from pilot.training.session import samples_of
 from pilot.training.trainer import Training
 
 
@@ -67,7 +67,7 @@ def variants(group: str, base: TrainingConfig) -> Iterator[tuple[str, TrainingCo
 
 def train_and_validate(config: TrainingConfig, rows: pd.DataFrame) -> dict[str, float]:
     """Train a variant, and return its size, its speed and the validation metrics of its best epoch."""
-    training, validation = make_samples(rows, config.samples, config.seed)
+    training, validation = samples_of(rows, config)
     run, began = Training(config, training, validation), time.monotonic()
     run.run(lambda _: None, lambda batches, count, title: tqdm(batches, title, count, leave=False))
     seconds = time.monotonic() - began

@@ -25,9 +25,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from pilot.arrays import Floats
 from pilot.data.driving_log import read_driving_logs
-from pilot.data.frames import read_frame
 from pilot.data.samples import smooth_steering
-from pilot.driving.driver import Driver
+from pilot.driving.driver import Driver, steering_on
 from pilot.evaluation.reference_path import UnusableRecording
 from pilot.evaluation.replay import Replayable, prepare, replay
 from pilot.simulator.scores import score
@@ -65,7 +64,7 @@ def train(model: Path, folders: list[Path], options: list[str]) -> None:
 def judge(model: Path, rows: pd.DataFrame, recording: Replayable | None) -> dict[str, float | str]:
     """Return the figures of a model on a recording; `recording` is None if it cannot be replayed."""
     driver = Driver.load(model)
-    predicted = np.array([driver.steer(read_frame(path)) for path in rows["center"]])
+    predicted = np.array(list(steering_on(driver, rows)))
     steering = np.asarray(smooth_steering(rows, SMOOTHED_SECONDS), np.float64)
     delay, delayed = best_delay(predicted, steering, float(rows["time"].diff().median()))
     return {
@@ -73,7 +72,7 @@ def judge(model: Path, rows: pd.DataFrame, recording: Replayable | None) -> dict
         "error": float(((predicted - steering) ** 2).mean() / steering.var()),
         "delay": delay,
         "delayed": delayed,
-        "replay": score("", replay(recording, driver.steer)).autonomy if recording else float("nan"),
+        "replay": score("", replay(recording, driver)).autonomy if recording else float("nan"),
         "reference": recording.reference if recording else "",
     }
 

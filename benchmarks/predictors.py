@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from pilot import process_settings
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import read_frame
-from pilot.driving.driver import SteeringPolicy
+from pilot.driving.plan import SteeringPolicy
 from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, run
 from pilot.evaluation.conditions import Conditions, expand_tracks
 from pilot.evaluation.replay import Replayable, ReplayConfig, along_path, prepare, replay

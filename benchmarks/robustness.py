@@ -30,7 +30,7 @@ from pilot.data.augment import brightness, saturation, shadow
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import encode_frame, read_frame
 from pilot.data.samples import smooth_steering
-from pilot.driving.driver import Driver, SteeringPolicy
+from pilot.driving.driver import Driver
 from pilot.simulator.catalogue import load_track
 from pilot.training import plots
 from pilot.training.report import SMOOTHED_SECONDS
@@ -81,7 +81,7 @@ CHANGES: dict[str, Change] = {
 MIRRORED = "mirrored"
 
 
-def steer_changed(steer: SteeringPolicy, frames: list[str]) -> pd.DataFrame:
+def steer_changed(steer: Callable[[Frame], float], frames: list[str]) -> pd.DataFrame:
     """Return the steering for each frame (rows) and change (columns)."""
     rows = []
     for path in tqdm(frames, "frames", leave=False):

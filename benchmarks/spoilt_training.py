@@ -22,9 +22,8 @@ from benchmarks.held_out import judge, read, split_words
 from benchmarks.planted_faults import find, plant
 from pilot import process_settings
 from pilot.data.driving_log import DrivingLog, read_driving_logs
-from pilot.data.samples import make_samples
 from pilot.training.config import TrainingConfig
-from pilot.training.session import keep, make_cache, training_bar
+from pilot.training.session import keep, make_cache, samples_of, training_bar
 from pilot.training.trainer import Training
 
 
@@ -38,7 +37,7 @@ def variants(rows: pd.DataFrame, seed: int, share: float) -> dict[str, pd.DataFr
 
 def train(config: TrainingConfig, log: DrivingLog) -> None:
     """Train a model on the rows of a log."""
-    samples, validation = make_samples(log.rows, config.samples, config.seed)
+    samples, validation = samples_of(log.rows, config)
     training = Training(config, samples, validation, cache=make_cache(config))
     process_settings.use_threads(training.cores.threads_each)
     training.run(lambda _: None, training_bar(hidden=False))

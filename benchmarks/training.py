@@ -43,7 +43,7 @@ from pilot.data.samples import make_samples
 from pilot.model.build import build_network
 from pilot.model.networks import network_names
 from pilot.training.recipes import RECIPES
-from pilot.training.session import make_cache
+from pilot.training.session import make_cache, samples_of
 from pilot.training.trainer import Training
 from pilot.vehicle import CAMERAS
 
@@ -125,7 +125,7 @@ def prepare(options: argparse.Namespace, *, cached: bool) -> Training:
     )
     cache = make_cache(config)
     rows = read_driving_logs([options.data], cache=cache).rows
-    samples = make_samples(rows, config.samples, 0)
+    samples = samples_of(rows, config)
     training = Training(config, *samples, cache=cache if cached else FrameCache(cache.rows))
     process_settings.use_threads(training.cores.threads_each)
     return training

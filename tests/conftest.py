@@ -12,6 +12,7 @@ import pytest
 import torch
 from screen import HEIGHT, WIDTH, Screen
 
+from pilot.model.steering_network import SteeringNetwork
 from pilot.simulator.track import STEP, Track, closed_road
 
 REPOSITORY = Path(__file__).parents[1]
@@ -57,6 +58,13 @@ def picture(steering: float, shift: float = 0.0) -> np.ndarray:
 def write_picture(path: Path, frame: np.ndarray) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(str(path), frame[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 75])
+
+
+def random_frames(network: SteeringNetwork, count: int = 2, seed: int = 0) -> torch.Tensor:
+    """Input of a network: `count` frames of noise or, if it sees more, histories."""
+    history = (network.signature.frames,) if network.signature.history else ()
+    generator = torch.Generator().manual_seed(seed)
+    return torch.randint(0, 256, (count, *history, 160, 320, 3), dtype=torch.uint8, generator=generator)
 
 
 def stamp(moment: int) -> str:

@@ -88,7 +88,7 @@ def serve(config: ServeConfig) -> None:
     driver = Driver.load(config.model)
     listener = listen(config.host, config.port)
     clock = FrameClock(config.frame_seconds) if config.frame_seconds else None
-    autopilot = Autopilot(driver.steer, config.drive, clock or time.perf_counter)
+    autopilot = Autopilot(driver, config.drive, clock or time.perf_counter)
     corrections = Corrections(config.corrections) if config.corrections else None
     session = DriveSession(autopilot, config.model, driver, corrections=corrections)
     if config.run:

@@ -91,7 +91,7 @@ def export(config: ExportConfig) -> None:
     process_settings.for_driving()
     # imported here, so that --help and invalid options do not wait for PyTorch
     from pilot.driving.driver import Driver
-    from pilot.portable.comparison import compare
+    from pilot.portable.comparison import compare, inputs_of
     from pilot.portable.conversion import convert
     from pilot.portable.onnx_model import onnx_model
     from pilot.progress import terminal_bar
@@ -99,16 +99,16 @@ def export(config: ExportConfig) -> None:
     conversion = convert(config.model, config.preprocessing)
     files = {config.target: conversion.model.SerializeToString()}
     model = onnx_model(config.target, files[config.target])
-    frames = example_frames(config.data)
+    frames = inputs_of(example_frames(config.data), model.signature)
     forms = {"PyTorch": conversion.original} if conversion.original else {}
     if config.model.suffix == ".pt":
-        forms["PyTorch, frozen by drive.py"] = Driver.load(config.model).steer
-    forms[config.target.name] = model.steer
+        forms["PyTorch, frozen by drive.py"] = Driver.load(config.model).predict
+    forms[config.target.name] = model.predict
     if config.int8:
         from pilot.portable.quantisation import quantise
 
         files[config.quantised] = quantise(conversion.model, [model.prepare(frame) for frame in frames[::3]])
-        forms[config.quantised.name] = onnx_model(config.quantised, files[config.quantised]).steer
+        forms[config.quantised.name] = onnx_model(config.quantised, files[config.quantised]).predict
     measured = compare(forms, frames, terminal_bar)
     check_agreement(measured, config.target.name)
     for path, content in files.items():

@@ -16,7 +16,7 @@ import numpy as np
 from pilot import camera
 from pilot.arrays import Floats, Frame
 from pilot.data.view import CROP_BOTTOM, CROP_TOP, MIRROR, View
-from pilot.pursuit import returning_curvature
+from pilot.pursuit import LOOKAHEAD, OFFSET_LEFT, returned, returning_curvature
 from pilot.vehicle import COLUMNS, ROWS, curvature_to_steering, steering_to_curvature
 
 LOOKAHEAD_BY_RADIUS = 0.55  # of a bend; the point on the path then lies in a direction of 16 degrees
@@ -132,6 +132,8 @@ def shift_viewpoint(
     Based on NVIDIA's shift and rotation (arXiv 1604.07316, section 5). There the label returns to the path within two
     seconds, here at the point of the driver's arc `lookahead` metres ahead.
 
+    If `view.metres` is not 0, the car is shown so far from the place where it is displaced, on its way back.
+
     Args:
         view: the view from the driver's path.
         offset: distance of the car from the path in metres, positive to the right.
@@ -140,13 +142,16 @@ def shift_viewpoint(
         nearest: the same in the tightest bends; None: `lookahead` there, too.
     """
     curvature = steering_to_curvature(np.asarray(view.steering))
-    if lookahead is None:
-        back = returning_curvature(curvature, offset, heading)
-    else:
-        radius = 1 / np.maximum(np.abs(curvature), 1e-9)
-        ahead = np.clip(LOOKAHEAD_BY_RADIUS * radius, lookahead if nearest is None else nearest, lookahead)
-        back = np.asarray(curvature - 2 * (offset + ahead * heading) / ahead**2)
-    return view.transformed(camera.viewpoint_homography(offset, heading), curvature_to_steering(back))
+    law = (LOOKAHEAD, OFFSET_LEFT) if lookahead is None else (_lookahead(curvature, lookahead, nearest), 0.0)
+    there = returned(offset, heading, view.metres, *law)
+    return view.transformed(
+        camera.viewpoint_homography(*there), curvature_to_steering(returning_curvature(curvature, *there, *law))
+    )
+
+
+def _lookahead(curvature: Floats, farthest: float, nearest: float | None) -> Floats:
+    radius = 1 / np.maximum(np.abs(curvature), 1e-9)
+    return np.clip(LOOKAHEAD_BY_RADIUS * radius, farthest if nearest is None else nearest, farthest)
 
 
 # Photometric augmentations: pixels only

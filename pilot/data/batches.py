@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from pilot.arrays import Floats, Frame
+from pilot.arrays import Floats, Frame, Matrix
 from pilot.data.augment import AugmentConfig, flip, rotate
 from pilot.data.augment_batch import (
     DrawnGeometric,
@@ -29,8 +29,10 @@ from pilot.data.augment_batch import (
 from pilot.data.device_augment import DrawnAugmentations
 from pilot.data.frame_cache import FrameCache
 from pilot.data.frames import UnreadableImage
+from pilot.data.other_times import SPEED_COLUMN, image_columns, steering_columns
 from pilot.data.view import IDENTITY, View, render
-from pilot.vehicle import COLUMNS, ROWS
+from pilot.signature import SPEED_UNIT, STEERING_ONLY, Signature
+from pilot.vehicle import COLUMNS, MPH, ROWS
 
 
 @dataclass(frozen=True)
@@ -39,15 +41,15 @@ class MicroBatch:
 
     Attributes:
         frames: n x 160 x 320 x 3, uint8 RGB; only the rows that the network uses are filled. With `draws`: n x height
-            x 320 x 3, the rows that the cache stores, not augmented.
-        steering: n, float32: the labels.
+            x 320 x 3, the rows that the cache stores, not augmented. For a network with a history: n x K x ... each.
+        labels: n x the network's outputs, float32; NaN where unknown.
         weight: n, float32: weights in the loss.
         index: n, int64: numbers of the samples (rows of the table of samples).
         draws: augmentations still to be applied on the device; None: the frames are augmented.
     """
 
     frames: Tensor
-    steering: Tensor
+    labels: Tensor
     weight: Tensor
     index: NDArray[np.int64]
     draws: DrawnAugmentations | None = None
@@ -86,6 +88,7 @@ class BatchLoader:
         world_size: int = 1,
         micro_batches: int = 1,
         for_gpu: bool = False,
+        signature: Signature = STEERING_ONLY,
     ) -> None:
         """Create a loader of `samples`, a table as described in samples.py.
 
@@ -100,13 +103,17 @@ class BatchLoader:
             micro_batches: number of micro-batches per batch.
             for_gpu: load batches ahead and leave augmentation to the device. (On a CPU, loading ahead is slower,
                 because it competes with the network's threads for the cores.)
+            signature: what the network sees and predicts.
         """
-        self.images = samples["image"].to_numpy(object)
-        self.steering = samples["steering"].to_numpy(float)
+        self.images = samples[image_columns(signature)].to_numpy(object)
+        self.steering = samples[steering_columns(signature)].to_numpy(float)
+        self.speed = samples[[SPEED_COLUMN] * signature.speed].to_numpy(float) / SPEED_UNIT
+        self.metres_per_second = samples["speed"].fillna(0).to_numpy(float) * MPH
         self.weight = samples["weight"].to_numpy(np.float32)
         self.flip = samples["flip"].to_numpy(bool)
         self.rotation = samples["rotation"].to_numpy(float)
         self.rows, self.batch_size, self.augment, self.seed = rows, batch_size, augment, seed
+        self.signature = signature
         self.rank, self.world_size, self.micro_batches, self.for_gpu = rank, world_size, micro_batches, for_gpu
         self.cache = cache or FrameCache()
         self.unreadable: set[str] = set()
@@ -138,47 +145,70 @@ class BatchLoader:
     def _load(self, index: NDArray[np.int64], drawn: "_Drawn") -> MicroBatch:
         """Load and augment samples on the CPU."""
         top, bottom = self.rows
-        views = self._views(index, drawn)
-        frames = np.empty((len(index), ROWS, COLUMNS, 3), np.uint8)  # memory pages of unused rows are never touched
+        homographies, labels = self._seen(index, drawn)
+        # memory pages of unused rows are never touched
+        frames = np.empty((len(index), self.signature.frames, ROWS, COLUMNS, 3), np.uint8)
         readable: list[int] = []
         for number, kept in self._read(index):
-            pixels = render(kept, views.homography[number], self.rows, self.cache.rows[0])
-            frames[len(readable), top:bottom] = apply_photometric(pixels, drawn.photometric, index[number])
+            for age, frame in enumerate(kept):
+                pixels = render(frame, homographies[number, age], self.rows, self.cache.rows[0])
+                lit = apply_photometric(pixels, drawn.photometric, index[number])
+                frames[len(readable), age, top:bottom] = lit
             readable.append(number)
-        return self._micro_batch(torch.from_numpy(frames[: len(readable)]), index, views, readable)
+        stacked = torch.from_numpy(frames[: len(readable)])
+        return self._micro_batch(stacked if self.signature.history else stacked[:, 0], labels, index, readable)
 
     def _load_for_gpu(self, index: NDArray[np.int64], drawn: "_Drawn") -> MicroBatch:
         """Load samples that are augmented on the device."""
         first, last = self.cache.rows
         read = list(self._read(index))
         readable = [number for number, _ in read]
-        views, photometric = self._views(index, drawn), [of_all[index[readable]] for of_all in drawn.photometric]
-        frames = torch.from_numpy(np.array([kept for _, kept in read]).reshape(-1, last - first, COLUMNS, 3))
-        micro_batch = self._micro_batch(frames, index, views, readable)
-        draws = DrawnAugmentations.of(views.homography[readable], photometric, first, self.rows[0])
+        homographies, labels = self._seen(index, drawn)
+        of_frames = np.repeat(index[readable], self.signature.frames)
+        photometric = [of_all[of_frames] for of_all in drawn.photometric]
+        kept = [frame for _, history in read for frame in history]
+        frames = torch.from_numpy(np.array(kept).reshape(-1, last - first, COLUMNS, 3))
+        micro_batch = self._micro_batch(frames, labels, index, readable)
+        draws = DrawnAugmentations.of(homographies[readable].reshape(-1, 3, 3), photometric, first, self.rows[0])
         pinned = frames.pin_memory() if torch.cuda.is_available() else frames  # copied while the GPU computes
         return replace(micro_batch, frames=pinned, draws=draws)
 
-    def _views(self, index: NDArray[np.int64], drawn: "_Drawn") -> View:
-        """Return the views of samples: their fixed augmentations, followed by the drawn ones."""
+    def _seen(self, index: NDArray[np.int64], drawn: "_Drawn") -> tuple[Matrix, Floats]:
+        """Return the homographies of the frames of samples (n x K x 3 x 3) and their labels (n x outputs)."""
+        now = self._views(index, drawn)
+        earlier = [self._views(index, drawn, -seconds).homography for seconds in self.signature.history]
+        horizons = list(enumerate(self.signature.horizons))[1:]
+        later = [self._views(index, drawn, seconds, column).steering for column, seconds in horizons]
+        labels = np.column_stack([now.steering, *later, self.speed[index]])
+        return np.stack([now.homography, *earlier], axis=1), labels
+
+    def _views(self, index: NDArray[np.int64], drawn: "_Drawn", seconds: float = 0.0, column: int = 0) -> View:
+        """Return the views of samples: their fixed augmentations, followed by the drawn ones.
+
+        Args:
+            index: of the samples.
+            drawn: augmentations.
+            seconds: from the newest frame to the view.
+            column: number of the steering that is the label.
+        """
         rotation = self.rotation[index]
-        views = View(self.steering[index], np.broadcast_to(IDENTITY, (len(index), 3, 3)))
+        start = np.broadcast_to(IDENTITY, (len(index), 3, 3))
+        views = View(self.steering[index, column], start, seconds * self.metres_per_second[index])
         views = rotate(views, rotation).where(rotation != 0, views)
         views = flip(views).where(self.flip[index], views)
         return apply_geometric(views, drawn.geometric, index, self.augment) if self.augment else views
 
-    def _read(self, index: NDArray[np.int64]) -> Iterator[tuple[int, Frame]]:
-        """Yield the number within `index` of each readable sample, and the cached rows of its frame."""
+    def _read(self, index: NDArray[np.int64]) -> Iterator[tuple[int, list[Frame]]]:
+        """Yield the number within `index` of each readable sample, and the cached rows of its frames."""
         for number, sample in enumerate(index):
             try:
-                yield number, self.cache.read(self.images[sample])
-            except UnreadableImage:
-                self.unreadable.add(self.images[sample])
+                yield number, [self.cache.read(image) for image in self.images[sample]]
+            except UnreadableImage as error:
+                self.unreadable.add(error.path)
 
-    def _micro_batch(self, frames: Tensor, index: NDArray[np.int64], views: View, readable: list[int]) -> MicroBatch:
+    def _micro_batch(self, frames: Tensor, labels: Floats, index: NDArray[np.int64], readable: list[int]) -> MicroBatch:
         kept = index[readable]
-        steering = torch.from_numpy(np.asarray(views.steering)[readable]).float()
-        return MicroBatch(frames, steering, torch.from_numpy(self.weight[kept]), kept)
+        return MicroBatch(frames, torch.from_numpy(labels[readable]).float(), torch.from_numpy(self.weight[kept]), kept)
 
 
 @dataclass(frozen=True)

@@ -22,12 +22,13 @@ class UnreadableImage(ValueError):
     """The image cannot be used.
 
     Attributes:
+        path: of the image.
         reason: short, for counting.
     """
 
     def __init__(self, path: Path | str, reason: str) -> None:
         super().__init__(f"{path}: {reason}")
-        self.reason = reason
+        self.path, self.reason = str(path), reason
 
 
 def read_frame(path: Path | str) -> Frame:

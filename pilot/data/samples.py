@@ -3,8 +3,12 @@
 A sample is an image with its label. A table of samples has the columns: image (path), camera, steering (the label),
 recorded (the recorded steering), moment (number of the time step), recording, time (s), speed (mph), weight (in the
 loss, mean 1 over the training samples), flip and rotation (degrees; fixed augmentations of copies that are made once).
+
+For networks that see or predict more (`pilot.signature`), there are more columns: "image -0.2 s" (earlier images),
+"steering +0.1 s" (labels of later steering) and "speed ahead" (label in mph); labels are NaN where nobody knows them.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,9 +18,18 @@ import pandas as pd
 from pilot.arrays import Floats
 from pilot.data.driving_log import share_of_each
 from pilot.data.motion import path_steering
+from pilot.data.other_times import image_columns, label_columns, steering_columns, with_other_times
 from pilot.data.segments import segment_numbers
-from pilot.pursuit import returning_curvature
-from pilot.vehicle import CAMERA_OFFSETS, CAMERAS, curvature_to_steering, steering_to_curvature
+from pilot.pursuit import returned, returning_curvature
+from pilot.signature import STEERING_ONLY, Signature
+from pilot.vehicle import (
+    CAMERA_OFFSETS,
+    CAMERAS,
+    MPH,
+    SIDE_CAMERA_OFFSET,
+    curvature_to_steering,
+    steering_to_curvature,
+)
 
 Generator = np.random.Generator
 
@@ -72,7 +85,9 @@ class SampleConfig:
     """For rotated copies: largest rotation in degrees, in either direction."""
 
 
-def make_samples(rows: pd.DataFrame, config: SampleConfig, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+def make_samples(
+    rows: pd.DataFrame, config: SampleConfig, seed: int, signature: Signature = STEERING_ONLY
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Convert the rows of driving logs to training samples and validation samples.
 
     All images of one time step are in the same set. The validation set contains the centre images with the recorded
@@ -82,6 +97,7 @@ def make_samples(rows: pd.DataFrame, config: SampleConfig, seed: int) -> tuple[p
         rows: table of rows as in `DrivingLog.rows`.
         config: options for the conversion to samples.
         seed: seed of the split, the balancing and the copies.
+        signature: what the network sees and predicts.
 
     Returns:
         The tables of the training samples and of the validation samples.
@@ -94,13 +110,15 @@ def make_samples(rows: pd.DataFrame, config: SampleConfig, seed: int) -> tuple[p
     rows = rows[~(rows["speed"] < config.min_speed)].reset_index(drop=True)
     in_validation = split_rows(rows, config, rng)
     moments = rows.assign(moment=rows.index, recorded=rows["steering"])
-    validation = camera_samples(moments[in_validation], SampleConfig(cameras="center", correction_weight=1))
     if config.path_metres:
         moments["steering"] = path_steering(rows, config.path_metres)
     moments["steering"] = smooth_steering(moments, config.smooth_seconds)
+    moments = with_other_times(moments, signature)
+    as_recorded = moments[in_validation].assign(steering=moments["recorded"])
+    validation = camera_samples(as_recorded, SampleConfig(cameras="center", correction_weight=1), signature)
     if config.balance == "drop-zeros":
         moments = moments[~_surplus_zeros(moments["recorded"], config.drop_zeros, rng) | in_validation]
-    training = camera_samples(moments[~in_validation.reindex(moments.index)], config)
+    training = camera_samples(moments[~in_validation.reindex(moments.index)], config, signature)
     if config.balance == "spikes":
         validation = drop_spikes(validation, rng)
     return add_copies(balance(training, config, rng), config, rng), validation
@@ -184,8 +202,12 @@ def _moving_average(segment: pd.DataFrame, seconds: float) -> Floats:
     return np.asarray((sums[last] - sums[first]) / (last - first))
 
 
-def side_steering(steering: float | Floats, camera: str, config: SampleConfig) -> float | Floats:
+def side_steering(
+    steering: float | Floats, camera: str, config: SampleConfig, metres: float | Floats = 0.0
+) -> float | Floats:
     """Return the label of a camera's image, or n labels, for the driver's steering (-1..1).
+
+    That of a later steering is for a car that has already driven some `metres` of its way back.
 
     The left camera sees what the centre camera of a car too far left would see, so its label is further right. The
     geometric rule is that of report 004: a camera 1 m to the side returns to the middle within 4 m. Like the report, it
@@ -197,23 +219,51 @@ def side_steering(steering: float | Floats, camera: str, config: SampleConfig) -
         return np.asarray(np.arctan(np.tan(steering) + sign / 4))
     if config.side_rule == "pursuit":
         curvature = steering_to_curvature(np.asarray(steering, float))
-        return curvature_to_steering(returning_curvature(curvature, CAMERA_OFFSETS[camera], 0.0))
-    return steering + sign * config.side_correction
+        there = returned(CAMERA_OFFSETS[camera], 0.0, metres)
+        return curvature_to_steering(returning_curvature(curvature, *there))
+    return steering + sign * config.side_correction * _correction_left(config.side_correction, metres)
 
 
-def camera_samples(moments: pd.DataFrame, config: SampleConfig) -> pd.DataFrame:
-    """Return one sample for each image of the time steps, with the label for its camera."""
+def _correction_left(correction: float, metres: float | Floats) -> float | Floats:
+    """Return the share of the correction of a side camera that is left after some metres.
+
+    The correction steers for the point of the path at which it would arrive if it were kept.
+    """
+    if not np.any(metres) or correction <= 0:
+        return 1.0
+    lookahead = math.sqrt(2 * SIDE_CAMERA_OFFSET / float(steering_to_curvature(correction)))
+    there = returned(SIDE_CAMERA_OFFSET, 0.0, metres, lookahead, 0.0)
+    first = returning_curvature(0.0, SIDE_CAMERA_OFFSET, 0.0, lookahead, 0.0)
+    return returning_curvature(0.0, *there, lookahead, 0.0) / first
+
+
+def camera_samples(moments: pd.DataFrame, config: SampleConfig, signature: Signature = STEERING_ONLY) -> pd.DataFrame:
+    """Return one sample for each image of the time steps, with the labels for its camera."""
     cameras = CAMERAS if config.cameras == "all" else CAMERAS[:1]
     parts = []
     for camera in cameras:
         part = moments[moments[camera] != ""]
-        labels = side_steering(part["steering"].to_numpy(float), camera, config)
-        kept = part[["recorded", "moment", "recording", "time", "speed"]]
+        kept = part[["recorded", "moment", "recording", "time", "speed", *label_columns(signature)]]
+        images = {
+            name: part[of_camera]
+            for name, of_camera in zip(image_columns(signature), image_columns(signature, camera), strict=True)
+        }
         category = pd.Series(camera, part.index, pd.CategoricalDtype(list(CAMERAS)))  # takes a byte per sample
         weight: Floats = np.where(part["correction"], config.correction_weight, 1.0)
-        parts.append(kept.assign(image=part[camera], camera=category, steering=labels, weight=weight))
+        labels = _camera_labels(part, camera, config, signature)
+        parts.append(kept.assign(**images, camera=category, weight=weight, **labels))
     samples = pd.concat(parts, ignore_index=True)
     return samples.assign(weight=samples["weight"] / samples["weight"].mean(), flip=False, rotation=0.0)
+
+
+def _camera_labels(
+    part: pd.DataFrame, camera: str, config: SampleConfig, signature: Signature
+) -> dict[str, float | Floats]:
+    metres_per_second = part["speed"].fillna(0).to_numpy(float) * MPH
+    return {
+        name: side_steering(part[name].to_numpy(float), camera, config, seconds * metres_per_second)
+        for name, seconds in zip(steering_columns(signature), signature.horizons, strict=True)
+    }
 
 
 # Balancing

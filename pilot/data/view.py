@@ -22,19 +22,22 @@ class View:
     Attributes:
         steering: the label (-1..1): a number, or an array of n.
         homography: maps the recorded frame's pixels to those of the view: 3x3, or n x 3 x 3.
+        metres: way along the driver's path from the place for which displacements are drawn to that of the frame, or
+            of the label: not 0 for earlier frames (then negative) and for the steering of later.
     """
 
     steering: float | Floats
     homography: Matrix = field(default_factory=lambda: IDENTITY)
+    metres: float | Floats = 0.0
 
     def transformed(self, homography: Matrix, steering: float | Floats) -> "View":
         """Return the view after another homography, with a new label."""
-        return View(steering, homography @ self.homography)
+        return View(steering, homography @ self.homography, self.metres)
 
     def where(self, chosen: NDArray[np.bool_], other: "View") -> "View":
         """Return these views where `chosen` (n booleans) is true, and those of `other` elsewhere."""
         homography = np.where(chosen[:, None, None], self.homography, other.homography)
-        return View(np.where(chosen, self.steering, other.steering), homography)
+        return View(np.where(chosen, self.steering, other.steering), homography, self.metres)
 
 
 def render(frame: Frame, homography: Matrix, rows: tuple[int, int], first_row: int = 0) -> Frame:

@@ -11,9 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pilot.arrays import Frame
 from pilot.data.steered_by import Steerer
 from pilot.driving.controller import ControllerConfig, SpeedController, SteeringFilter
+from pilot.driving.loop_delay import LoopDelay
+from pilot.driving.plan import FrameHistory, SteeringPolicy, as_plan, signature_of
 from pilot.driving.telemetry import BadTelemetry, Telemetry, parse_telemetry, steer_message, uses_commas
 from pilot.driving.wheel import Wheel
 
@@ -57,21 +58,32 @@ class Autopilot:
     """
 
     def __init__(
-        self, steer: Callable[[Frame], float], config: ControllerConfig, clock: Callable[[], float] = time.perf_counter
+        self, policy: SteeringPolicy, config: ControllerConfig, clock: Callable[[], float] = time.perf_counter
     ) -> None:
-        """Create an autopilot for a steering policy (160x320x3 uint8 RGB to -1..1); `clock` returns the time in s."""
-        self.steer, self.clock = steer, clock
+        """Create an autopilot for a steering policy; `clock` returns the time in s."""
+        self.clock = clock
         self.speed, self.filter = SpeedController(config), SteeringFilter(config.smoothing)
+        self.delay = LoopDelay()
         self.wheel = Wheel()
         self.warnings = Warnings(clock)
+        self.set_policy(policy)
         self.reset()
+
+    def set_policy(self, policy: SteeringPolicy) -> None:
+        """Let another policy drive."""
+        self._policy, self._history = policy, FrameHistory(signature_of(policy))
 
     def reset(self) -> None:
         """Reset the controllers and the last answer, for another car."""
         self.last = Answer("steer", steer_message(0.0, 0.0, commas=False))
         self._time: float | None = None
+        self._restart()
+
+    def _restart(self) -> None:
         self.speed.reset()
         self.filter.reset()
+        self.delay.reset()
+        self._history.clear()
 
     def answer(self, data: Any) -> Answer:
         """Return the answer to the argument of a telemetry event. Never raises.
@@ -111,16 +123,20 @@ class Autopilot:
     def _drive(self, telemetry: Telemetry, now: float) -> Answer:
         pause = now - self._time if self._time is not None else LONGEST_PAUSE + 1
         if pause > LONGEST_PAUSE:
-            self.speed.reset()
-            self.filter.reset()
+            self._restart()
             pause = 0.0
         self._time = now
-        person = self.wheel.command
+        self.delay.see(now, telemetry.steering)
+        seen = self._history.add(now, telemetry.frame)
+        person, wanted_speed = self.wheel.command, None
         if person is None:
-            steering = self.filter.smooth(self.steer(telemetry.frame), pause)
+            plan = as_plan(self._policy(seen))
+            steering = self.filter.smooth(plan.at(self.delay.seconds + self.filter.seconds), pause)
+            wanted_speed = plan.speed
         else:
             steering = self.filter.value = person.steering  # from which the model then goes on
-        throttle = self.speed.throttle(telemetry.speed, steering, pause)
+        self.delay.send(now, steering)
+        throttle = self.speed.throttle(telemetry.speed, steering, pause, wanted_speed)
         if person is not None and person.throttle is not None:
             throttle = person.throttle
         message = steer_message(steering, throttle, commas=telemetry.commas)

@@ -19,7 +19,7 @@ class ControllerConfig:
     """Relative reduction (0..1) of the target speed at full lock, proportional to the steering; never below 5 mph."""
     lateral_g: float = 0.35
     """Maximum lateral acceleration in g: in bends the target speed is reduced to what keeps it, but never below 5 mph.
-    0: no limit. The tyres hold about 0.95 g."""
+    0: no limit. The tyres hold about 0.95 g. Has no effect with a model that predicts the speed itself."""
     speed_gain: float = 2.0
     """How fast the target speed rises again after a bend, in mph per second, because bends seldom come alone and the
     camera shows the next one late. 0: at once."""
@@ -64,10 +64,14 @@ class SpeedController:
         """Reset the integral and forget the last bends, at the beginning of a drive."""
         self.integral, self.bend_speed = 0.0, math.inf
 
-    def target_speed(self, steering: float) -> float:
-        """Return the target speed in mph for a steering (-1..1): `set_speed`, reduced as configured."""
+    def target_speed(self, steering: float, predicted: float | None = None) -> float:
+        """Return the target speed in mph for a steering (-1..1): `set_speed`, reduced as configured.
+
+        A speed that the model predicts (mph) takes the place of what bends allow: it knows of them earlier.
+        """
         slower = self.config.slow_in_curves * min(abs(steering), 1.0)
-        fastest = min(self.set_speed * (1 - slower), self._fastest_in_bend(steering), self.bend_speed)
+        allowed = min(self._fastest_in_bend(steering), self.bend_speed) if predicted is None else predicted
+        fastest = min(self.set_speed * (1 - slower), allowed)
         return max(fastest, min(self.set_speed, REVERSE_BELOW_MPH))
 
     def _fastest_in_bend(self, steering: float) -> float:
@@ -82,7 +86,7 @@ class SpeedController:
         risen = self.bend_speed + self.config.speed_gain * seconds if self.config.speed_gain else math.inf
         self.bend_speed = min(risen, self._fastest_in_bend(steering))
 
-    def throttle(self, speed: float, steering: float, seconds: float) -> float:
+    def throttle(self, speed: float, steering: float, seconds: float, predicted: float | None = None) -> float:
         """Return the throttle (-1..1).
 
         The integral grows only while the throttle is within its bounds (anti-windup). A negative throttle brakes, but
@@ -92,10 +96,11 @@ class SpeedController:
             speed: measured speed in mph.
             steering: -1..1.
             seconds: since the last call.
+            predicted: speed in mph that the model predicts; None: it predicts none.
         """
         seconds = min(max(seconds, 0.0), LONGEST_STEP)
         self._remember_bend(steering, seconds)
-        error = self.target_speed(steering) - speed
+        error = self.target_speed(steering, predicted) - speed
         grown = self.integral + self.config.ki * error * seconds
         wanted = self.config.kp * error + grown
         if -1 <= wanted <= 1 or abs(grown) < abs(self.integral):

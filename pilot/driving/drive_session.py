@@ -68,7 +68,8 @@ class DriveSession:
         if path is None:
             raise ValueError(f"{name[:80]}: no such model beside {self.path}")
         driver = Driver.load(path)
-        self.path, self.model, self.autopilot.steer = path, driver.model, driver.steer
+        self.path, self.model = path, driver.model
+        self.autopilot.set_policy(driver)
         log.info("%s drives", path)
 
     @property

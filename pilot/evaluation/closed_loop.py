@@ -18,10 +18,12 @@ import numpy as np
 from pilot.arrays import Frame
 from pilot.data.frames import encoded_with
 from pilot.driving.autopilot import Answer, Autopilot
-from pilot.driving.driver import Driver, SteeringPolicy
+from pilot.driving.driver import Driver
+from pilot.driving.plan import FrameHistory, Plan, SteeringPolicy, signature_of
 from pilot.driving.recorder import Recorder
 from pilot.driving.telemetry import parse_telemetry
 from pilot.evaluation.conditions import Conditions
+from pilot.signature import STEERING_ONLY, Signature
 from pilot.simulator.episode import Episode
 from pilot.simulator.expert import Expert
 from pilot.simulator.referee import Referee, time_limit
@@ -38,7 +40,8 @@ log = logging.getLogger("pilot")
 
 PolicyFactory = Callable[[Episode], SteeringPolicy]
 Command = tuple[float, float]
-Drive = Generator[Frame, float, Trajectory]
+Answered = float | Plan
+Drive = Generator[Frame, Answered, Trajectory]
 
 
 # Steering policies
@@ -54,13 +57,13 @@ class ModelPolicy:
 
     path: Path
 
-    def __call__(self, _drive: Episode | None = None) -> SteeringPolicy:
-        """Load the model and return its steering policy.
+    def __call__(self, _drive: Episode | None = None) -> Driver:
+        """Load the model, which is the steering policy.
 
         Raises:
             UnusableModel: the file is missing, damaged, or not a model of this project.
         """
-        return self.load().steer
+        return self.load()
 
     def load(self) -> Driver:
         """Return the model, which is loaded once.
@@ -151,7 +154,7 @@ def drive_laps(
     Raises:
         RuntimeError: `steer` raised an exception, which is logged.
     """
-    drive = driving(episode, picture, conditions, seed=seed, observe=observe)
+    drive = driving(episode, picture, conditions, signature_of(steer), seed=seed, observe=observe)
     return drive_together([drive], lambda frames: [steer(frame) for frame in frames])[0]
 
 
@@ -159,6 +162,7 @@ def driving(
     episode: Episode,
     picture: Callable[[Episode], Frame],
     conditions: Conditions,
+    signature: Signature = STEERING_ONLY,
     *,
     seed: int = 0,
     observe: Callable[[Answer], None] = lambda _: None,
@@ -166,21 +170,28 @@ def driving(
     """Drive an episode like `drive_laps`, as a generator that leaves the steering to its caller.
 
     Yields:
-        each frame as the autopilot receives it, 160x320x3 uint8 RGB; the steering for it is to be sent.
+        each frame as the autopilot receives it, 160x320x3 uint8 RGB (with a history in the signature: K x 160 x 320 x
+            3); the steering or plan for it is to be sent.
 
     Returns:
         the trajectory, with its interventions.
     """
-    steering = 0.0
-    autopilot = Autopilot(lambda _: steering, conditions.speed, clock=lambda: episode.ticks * TICK)
+    answered: Answered = 0.0
+    autopilot = Autopilot(lambda _: answered, conditions.speed, clock=lambda: episode.ticks * TICK)
     delay = Delay(round(conditions.latency_ms / 1000 / TICK))
     longest = time_limit(episode.track, conditions.laps, conditions.speed.speed)
-    referee = Referee(episode, laps=conditions.laps, seconds=longest, on_put_back=delay.straighten)
+    history = FrameHistory(signature)
+
+    def put_back() -> None:
+        delay.straighten()
+        history.clear()
+
+    referee = Referee(episode, laps=conditions.laps, seconds=longest, on_put_back=put_back)
     random = np.random.default_rng(seed)
     while not referee.over:
         if random.random() >= conditions.lost_frames:
             telemetry = parse_telemetry(build_telemetry(episode, picture(episode)))
-            steering = yield telemetry.frame
+            answered = yield history.add(episode.ticks * TICK, telemetry.frame)
             answer = autopilot.answer(telemetry)
             delay.send(episode.ticks, parse_steer(answer.message))
             observe(answer)
@@ -189,12 +200,12 @@ def driving(
     return referee.trajectory
 
 
-def drive_together(drives: Sequence[Drive], steer: Callable[[list[Frame]], list[float]]) -> list[Trajectory]:
+def drive_together(drives: Sequence[Drive], steer: Callable[[list[Frame]], Sequence[Answered]]) -> list[Trajectory]:
     """Drive several episodes side by side to their ends, and return their trajectories.
 
     Args:
         drives: from `driving`.
-        steer: returns the steering for the current frames of the drives that are not over.
+        steer: returns the steering, or the plan, for the current frames of the drives that are not over.
 
     Raises:
         RuntimeError: `steer` raised an exception, which is logged.
@@ -202,9 +213,9 @@ def drive_together(drives: Sequence[Drive], steer: Callable[[list[Frame]], list[
     frames: dict[int, Frame] = {}
     trajectories: dict[int, Trajectory] = {}
 
-    def advance(number: int, steering: float | None) -> None:
+    def advance(number: int, answered: Answered | None) -> None:
         try:
-            frames[number] = next(drives[number]) if steering is None else drives[number].send(steering)
+            frames[number] = next(drives[number]) if answered is None else drives[number].send(answered)
         except StopIteration as end:
             frames.pop(number, None)
             trajectories[number] = end.value
@@ -212,12 +223,12 @@ def drive_together(drives: Sequence[Drive], steer: Callable[[list[Frame]], list[
     for number in range(len(drives)):
         advance(number, None)
     while frames:
-        for number, steering in zip(list(frames), _steered(steer, list(frames.values())), strict=True):
-            advance(number, steering)
+        for number, answered in zip(list(frames), _steered(steer, list(frames.values())), strict=True):
+            advance(number, answered)
     return [trajectories[number] for number in range(len(drives))]
 
 
-def _steered(steer: Callable[[list[Frame]], list[float]], frames: list[Frame]) -> list[float]:
+def _steered(steer: Callable[[list[Frame]], Sequence[Answered]], frames: list[Frame]) -> Sequence[Answered]:
     try:
         return steer(frames)
     except Exception as error:
@@ -288,8 +299,9 @@ def run_together(requests: Sequence[DriveRequest]) -> list[Trajectory]:
     for request in requests:
         simulator = simulator_at(request)
         picture = functools.partial(_look_at, simulator, rows)
-        drives.append(driving(simulator.episode, picture, request.conditions, seed=request.start or 0))
-    return drive_together(drives, driver.load().steer_together)
+        signature = driver.load().signature
+        drives.append(driving(simulator.episode, picture, request.conditions, signature, seed=request.start or 0))
+    return drive_together(drives, driver.load().plan_together)
 
 
 def _look_at(simulator: Simulator, rows: Rows, episode: Episode) -> Frame:

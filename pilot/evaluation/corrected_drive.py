@@ -16,7 +16,7 @@ import numpy as np
 
 from pilot.arrays import Frame
 from pilot.data.recording_writer import RecordingWriter
-from pilot.driving.driver import SteeringPolicy
+from pilot.driving.plan import Plan, SteeringPolicy, signature_of
 from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, drive_laps, simulator_at
 from pilot.evaluation.conditions import Conditions
 from pilot.simulator.demonstration import PAUSE, lines
@@ -100,6 +100,7 @@ class CorrectedPolicy:
 
     Attributes:
         takeovers: where the expert took over, metres along the track.
+        signature: what the model sees and answers.
     """
 
     def __init__(self, episode: Episode, steer: SteeringPolicy, writer: RecordingWriter) -> None:
@@ -111,6 +112,7 @@ class CorrectedPolicy:
             writer: of the recording.
         """
         self.episode, self.steer, self.writer = episode, steer, writer
+        self.signature = signature_of(steer)
         self.takeovers: list[float] = []
         self._expert = Expert(episode, speed=30.0)
         self._lines = lines(episode.track, LINE_SPREAD)
@@ -118,11 +120,12 @@ class CorrectedPolicy:
         self._frames = 0
         self._seconds = 0.0  # time of the last row
 
-    def __call__(self, frame: Frame) -> float:
-        """Return the steering for a frame: the model's, or the expert's while it corrects."""
+    def __call__(self, frame: Frame) -> float | Plan:
+        """Return the answer to a frame, or to a history of frames: the model's, or the expert's while it corrects."""
         command = self._expert_command()
         if self._frames % FRAMES_PER_ROW == 0:
-            self._record(frame, command, FRAMES_PER_ROW * TICKS * TICK)
+            newest = frame[0] if self.signature.history else frame
+            self._record(newest, command, FRAMES_PER_ROW * TICKS * TICK)
         self._frames += 1
         self._decide()
         return command[0] if self._corrects else self.steer(frame)

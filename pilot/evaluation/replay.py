@@ -20,7 +20,7 @@ import pandas as pd
 
 from pilot.arrays import Floats, Frame, sums_before
 from pilot.data.motion import Motion, motion_of
-from pilot.driving.driver import SteeringPolicy
+from pilot.driving.plan import FrameHistory, SteeringPolicy, as_plan, signature_of
 from pilot.evaluation.reference_path import SHORTEST_SEGMENT, Line, UnusableRecording, continuous_segments, fit_line
 from pilot.evaluation.replay_road import PATH_SPREAD, find_road
 from pilot.evaluation.replay_view import view
@@ -200,7 +200,7 @@ def replay(
 def _replay(
     segment: ReplaySegment, steer: SteeringPolicy, limit: float, start: float | None, watch: StepObserver
 ) -> Trajectory:
-    car = _ReplayedCar(segment)
+    car, history = _ReplayedCar(segment), FrameHistory(signature_of(steer))
     if start is not None:
         car.put(start)
     offsets, headings, commands, intervention_rows = [], [], [], []
@@ -211,9 +211,11 @@ def _replay(
         if not lowest[index] <= car.offset <= highest[index]:
             intervention_rows.append(index)
             car.put(0.0)
+            history.clear()
         frame = view({name: row[name] for name in CAMERAS}, car.lateral_shift, car.heading_shift)
         watch(ReplayStep(row, frame, car.offset, car.heading, car.lateral_shift, car.heading_shift))
-        commands.append(min(max(steer(frame), -1.0), 1.0))
+        wanted = as_plan(steer(history.add(row["time"], frame))).steering[0]
+        commands.append(min(max(wanted, -1.0), 1.0))
         car.advance(commands[-1])
     return _trajectory(segment, np.array(offsets), np.array(headings), np.array(commands), intervention_rows)
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from pilot.data.driving_log import read_driving_logs, share_of_each
 from pilot.data.frames import encode_frame
 from pilot.data.log_format import LOG_NAME, format_line, time_stamp
-from pilot.driving.driver import SteeringPolicy
+from pilot.driving.plan import SteeringPolicy
 from pilot.evaluation.closed_loop import CLIP_START, DriveRequest, ModelPolicy, PolicyFactory, film, run_together
 from pilot.evaluation.conditions import Conditions
 from pilot.evaluation.over_socket import run_over_socket

@@ -5,7 +5,8 @@ import functools
 import numpy as np
 import pandas as pd
 
-from pilot.driving.driver import DrivingCheck, SteeringPolicy
+from pilot.driving.driver import DrivingCheck
+from pilot.driving.plan import SteeringPolicy
 from pilot.evaluation.closed_loop import drive_laps
 from pilot.evaluation.conditions import Conditions
 from pilot.evaluation.replay import Replayable, prepare, replay

@@ -51,6 +51,5 @@ def cross_predictions(rows: pd.DataFrame, progress: Callable[[int], ProgressBar[
 
 
 def _as_samples(rows: pd.DataFrame) -> pd.DataFrame:
-    return pd.DataFrame(
-        {"image": rows["center"], "camera": "center", "steering": 0.0, "weight": 1.0, "flip": False, "rotation": 0.0}
-    ).reset_index(drop=True)
+    same = {"camera": "center", "steering": 0.0, "speed": 0.0, "weight": 1.0, "flip": False, "rotation": 0.0}
+    return pd.DataFrame({"image": rows["center"], **same}).reset_index(drop=True)

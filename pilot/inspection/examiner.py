@@ -9,8 +9,9 @@ import numpy as np
 
 from pilot.arrays import Floats
 from pilot.data.batches import Batch
-from pilot.data.frames import UnreadableImage, read_frame
-from pilot.driving.driver import Driver
+from pilot.data.frames import UnreadableImage
+from pilot.driving.driver import steering_on
+from pilot.driving.plan import SteeringPolicy
 from pilot.inspection.cross_check import cross_predictions
 from pilot.inspection.inspected import InspectedRecording
 from pilot.inspection.motion_seen import see_motion
@@ -27,7 +28,7 @@ class Examiner:
     """Examines recordings one after another in a thread, which ends with the program."""
 
     def __init__(
-        self, recordings: Sequence[InspectedRecording], driver: Driver | None, *, networks: bool = True
+        self, recordings: Sequence[InspectedRecording], driver: SteeringPolicy | None, *, networks: bool = True
     ) -> None:
         """Create an examiner.
 
@@ -67,8 +68,8 @@ class Examiner:
 
     def _steer(self, recording: InspectedRecording) -> None:
         if self.driver is not None:
-            paths = shown(recording, "the model steers")(recording.rows["center"], len(recording.rows), "")
-            recording.predicted = np.array([self.driver.steer(read_frame(path)) for path in paths])
+            bar = shown(recording, "the model steers")
+            recording.predicted = np.array(list(bar(steering_on(self.driver, recording.rows), len(recording.rows), "")))
 
     def _train(self, recording: InspectedRecording) -> None:
         def bar(number: int) -> ProgressBar[Batch]:

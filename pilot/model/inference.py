@@ -19,8 +19,8 @@ from pilot.model.steering_network import SteeringNetwork
 Operation = Callable[[Tensor], Tensor]
 
 
-def fast_forward(network: SteeringNetwork) -> Operation:
-    """Return a fast forward function: frames (N x 160 x 320 x 3, uint8 RGB) to steering (N, float32).
+def fast_predict(network: SteeringNetwork) -> Operation:
+    """Return a fast function that computes all of a network's outputs, as `SteeringNetwork.predict`.
 
     Its result equals the network's except for rounding.
 
@@ -33,14 +33,15 @@ def fast_forward(network: SteeringNetwork) -> Operation:
 def fast_steps(network: SteeringNetwork) -> list[Operation]:
     """Return the operations of the fast forward function, to be applied one after another."""
     folded = fold_dense(network)
-    if type(network).forward is not SteeringNetwork.forward or type(network.layers) is not nn.Sequential:
-        return [folded]
+    if type(network).predict is not SteeringNetwork.predict or type(network.layers) is not nn.Sequential:
+        return [folded.predict]
     layers = list(folded.layers.children())
     own = type(network).prepare is not SteeringNetwork.prepare
     prepare: list[Operation] = [folded.prepare] if own else [folded.resize, folded.normalise]
     if (convolution := _fold_colours(folded, layers[0])) is not None:
         prepare, layers[0] = [folded.resize], convolution
-    return [folded.crop, *prepare, *map(_operation, layers), partial(torch.squeeze, dim=1)]
+    split, join = ([folded.split], [folded.join]) if network.signature.history else ([], [])
+    return [*split, folded.crop, *prepare, *join, *map(_operation, layers)]
 
 
 def chained(operations: Sequence[Operation]) -> Operation:
@@ -57,6 +58,8 @@ def chained(operations: Sequence[Operation]) -> Operation:
 def _fold_colours(network: SteeringNetwork, first: nn.Module) -> nn.Conv2d | None:
     """Fold the normalisation into the first convolution; return None if it is not one affine map for all pixels."""
     if type(first) is not nn.Conv2d or first.padding != (0, 0) or first.groups != 1 or first.bias is None:
+        return None
+    if network.signature.history:
         return None
     if type(network).prepare is not SteeringNetwork.prepare:
         return None

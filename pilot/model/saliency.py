@@ -37,7 +37,7 @@ def saliency_of_all(network: SteeringNetwork, frames: Sequence[Frame]) -> list[N
     hooks = [layer.register_forward_hook(note) for layer in network.modules() if isinstance(layer, SPATIAL)]
     try:
         with torch.inference_mode():
-            network(torch.from_numpy(np.stack(frames)))
+            network(torch.from_numpy(np.stack([network.signature.standing(frame) for frame in frames])))
             relevance = _spread_back(entering, len(frames))
     finally:
         for hook in hooks:

@@ -17,7 +17,7 @@ TELLING = 1000  # fewer values per frame may be equal by chance, and are compute
 
 
 class SideBySide:
-    """Forward function for several frames: N x 160 x 320 x 3 (uint8 RGB) to steering (N, float32)."""
+    """Computes a network's outputs (N x outputs, float32) for several frames (N x 160 x 320 x 3, uint8 RGB)."""
 
     def __init__(self, steps: Sequence[Operation]) -> None:
         """Create the function for a network's steps, see `inference.fast_steps`."""
@@ -25,7 +25,7 @@ class SideBySide:
         self._by_size: dict[int, Operation] = {1: chained(steps)}
 
     def __call__(self, frames: Tensor) -> Tensor:
-        """Compute the steering for the frames."""
+        """Compute the outputs for the frames."""
         size = len(frames)
         if size not in self._by_size:
             self._by_size[size] = self._for(frames)

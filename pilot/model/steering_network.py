@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from pilot.data.view import CROP_BOTTOM, CROP_TOP
+from pilot.signature import STEERING_ONLY, Signature
 from pilot.vehicle import WHOLE_FRAME, Rows
 
 NVIDIA_MAPS = (24, 36, 48, 64, 64)  # feature maps of NVIDIA's convolutions (arXiv 1604.07316)
@@ -22,11 +23,13 @@ class SteeringNetwork(nn.Module):
     All networks crop the sky and the bonnet, which would reveal which of the three cameras took the image.
 
     Attributes:
+        signature: what the network takes and returns.
         rows: first frame row that the network uses, and the one after the last.
         columns: first frame column that the network uses, and the one after the last.
-        layers: maps the prepared images to N x 1; set by the subclass.
+        layers: maps the prepared images to N x `signature.outputs`; set by the subclass.
     """
 
+    signature: Signature = STEERING_ONLY
     rows: Rows = (70, 135)
     columns: tuple[int, int] = (0, 320)
     layers: nn.Module
@@ -34,13 +37,33 @@ class SteeringNetwork(nn.Module):
     @property
     def seen_rows(self) -> Rows:
         """Rows of a frame on which the steering depends: `rows`, or all if a subclass does not crop them."""
-        crops = type(self).crop is SteeringNetwork.crop and type(self).forward is SteeringNetwork.forward
+        own = (type(self).crop, type(self).forward, type(self).predict)
+        crops = own == (SteeringNetwork.crop, SteeringNetwork.forward, SteeringNetwork.predict)
         return self.rows if crops else WHOLE_FRAME
 
     def forward(self, frames: Tensor) -> Tensor:
-        """Compute the steering (N, float32) for frames (N x 160 x 320 x 3, uint8 RGB)."""
-        steering: Tensor = self.layers(self.prepare(self.crop(frames)))
-        return steering.squeeze(1)
+        """Compute the steering (N, float32) for frames (N x 160 x 320 x 3, uint8 RGB).
+
+        Networks with a history take N x K x 160 x 320 x 3, the newest frame first.
+        """
+        return self.predict(frames)[:, 0]
+
+    def predict(self, frames: Tensor) -> Tensor:
+        """Compute all outputs for frames as in `forward`: N x `signature.outputs`, float32.
+
+        They are the steering for each horizon and, if the network predicts it, the speed in units of `SPEED_UNIT`.
+        """
+        outputs: Tensor = self.layers(self.join(self.prepare(self.crop(self.split(frames)))))
+        return outputs
+
+    def split(self, frames: Tensor) -> Tensor:
+        """Return the frames of all histories one after another: N * K x 160 x 320 x 3."""
+        return frames.flatten(0, 1) if self.signature.history else frames
+
+    def join(self, pixels: Tensor) -> Tensor:
+        """Stack each history's prepared images as channels: N * K x 3 x height x width to N x 3K x height x width."""
+        channels = 3 * self.signature.frames
+        return pixels.reshape(-1, channels, *pixels.shape[2:]) if self.signature.history else pixels
 
     def crop(self, frames: Tensor) -> Tensor:
         """Crop frames (N x 160 x 320 x 3) to N x 3 x rows x columns; the dtype is kept."""
@@ -78,10 +101,15 @@ class Standardised(SteeringNetwork):
         return (pixels - mean) / deviation.clamp_min((3 * 128 * 128) ** -0.5)
 
 
-def nvidia_convolutions(maps: Sequence[int] = NVIDIA_MAPS) -> list[nn.Module]:
-    """Return NVIDIA's five convolutions (arXiv 1604.07316), each followed by a ReLU; `maps` are their outputs."""
+def nvidia_convolutions(maps: Sequence[int] = NVIDIA_MAPS, inputs: int = 3) -> list[nn.Module]:
+    """Return NVIDIA's five convolutions (arXiv 1604.07316), each followed by a ReLU.
+
+    Args:
+        maps: numbers of their feature maps.
+        inputs: channels of the image.
+    """
     layers: list[nn.Module] = []
-    for channels, outputs, size, stride in zip((3, *maps), maps, (5, 5, 5, 3, 3), (2, 2, 2, 1, 1), strict=False):
+    for channels, outputs, size, stride in zip((inputs, *maps), maps, (5, 5, 5, 3, 3), (2, 2, 2, 1, 1), strict=False):
         layers += [nn.Conv2d(channels, outputs, size, stride), nn.ReLU(inplace=True)]
     return layers
 

@@ -1,6 +1,5 @@
 """Conversion of a model file of any supported kind into ONNX."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,13 +8,12 @@ import torch
 
 from pilot.arrays import Frame
 from pilot.model.checkpoint import UnusableModel, load_model
+from pilot.portable.comparison import Predict
 from pilot.portable.keras_file import SUFFIXES, read_keras
 from pilot.portable.keras_network import input_size, keras_network
 from pilot.portable.metadata import ModelCard
 from pilot.portable.onnx_export import export_model, export_network, with_card
 from pilot.portable.preprocessing import Preprocessing, WrongDescription, input_shape, read_preprocessing
-
-Steer = Callable[[Frame], float]
 
 
 @dataclass(frozen=True)
@@ -24,11 +22,11 @@ class Conversion:
 
     Attributes:
         model: as ONNX.
-        original: what the original steers for a frame (160x320x3, uint8 RGB); None: it was ONNX already.
+        original: the original's outputs for a frame (160x320x3, uint8 RGB), or a history; None: it was ONNX already.
     """
 
     model: onnx.ModelProto
-    original: Steer | None
+    original: Predict | None
 
 
 def convert(path: Path, description: Path | None = None) -> Conversion:
@@ -50,11 +48,12 @@ def convert(path: Path, description: Path | None = None) -> Conversion:
         return _convert_keras(path, described or Preprocessing())
     model = load_model(path)
 
-    def steer(frame: Frame) -> float:
+    def predict(frame: Frame) -> list[float]:
         with torch.inference_mode():
-            return float(model.network(torch.from_numpy(frame[None])))
+            outputs: list[float] = model.network.predict(torch.from_numpy(frame[None]))[0].tolist()
+        return outputs
 
-    return Conversion(export_model(model), steer)
+    return Conversion(export_model(model), predict)
 
 
 def _convert_keras(path: Path, described: Preprocessing) -> Conversion:
@@ -71,13 +70,13 @@ def _convert_keras(path: Path, described: Preprocessing) -> Conversion:
     if described.output >= outputs:
         raise UnusableModel(f"{path}: steering output {described.output}: it has {outputs} (the first one is 0)")
 
-    def steer(frame: Frame) -> float:
+    def predict(frame: Frame) -> list[float]:
         with torch.inference_mode():
             output = network(torch.from_numpy(described.prepare(frame)))
-        return float(output.reshape(-1)[described.output]) * described.multiply
+        return [float(output.reshape(-1)[described.output]) * described.multiply]
 
     card = ModelCard(path.stem, preprocessing=described)
-    return Conversion(with_card(export_network(network, torch.zeros((2, *shape[1:]))), card), steer)
+    return Conversion(with_card(export_network(network, torch.zeros((2, *shape[1:]))), card), predict)
 
 
 def _read_onnx(path: Path, described: Preprocessing | None) -> onnx.ModelProto:

@@ -12,32 +12,48 @@ from torch import nn
 
 from pilot.model.checkpoint import Model
 from pilot.model.inference import fold_dense
+from pilot.model.steering_network import SteeringNetwork
 from pilot.portable.metadata import METADATA_KEY, ModelCard
 from pilot.portable.resize import resize_antialiased
+from pilot.signature import STEERING_ONLY
 from pilot.vehicle import COLUMNS, ROWS
 
-INPUT, OUTPUT = "frames", "steering"
+INPUT, OUTPUT, PLAN = "frames", "steering", "plan"
 TOLERANCE = 1e-5  # of the steering
 
 
 def export_model(model: Model) -> onnx.ModelProto:
     """Convert a trained model.
 
-    Its input is "frames", N x 160 x 320 x 3, uint8 RGB; its output "steering", N, float32, not clipped.
+    Its input is "frames", N x 160 x 320 x 3, uint8 RGB; its output "steering", N, float32, not clipped. A network of
+    another signature takes N x K x 160 x 320 x 3, and its output, "plan", is that of `SteeringNetwork.predict`.
     """
-    example = torch.zeros((2, ROWS, COLUMNS, 3), dtype=torch.uint8)
-    card = ModelCard(model.name, model.config, model.data, model.metrics)
-    return with_card(export_network(fold_dense(model.network).eval(), example), card)
+    signature = model.network.signature
+    frames = (2, signature.frames) if signature.history else (2,)
+    example = torch.zeros((*frames, ROWS, COLUMNS, 3), dtype=torch.uint8)
+    card = ModelCard(model.name, model.config, model.data, model.metrics, signature=signature)
+    folded = fold_dense(model.network).eval()
+    plain = signature == STEERING_ONLY
+    return with_card(export_network(folded if plain else _AllOutputs(folded), example, OUTPUT if plain else PLAN), card)
 
 
-def export_network(network: nn.Module, example: torch.Tensor) -> onnx.ModelProto:
+class _AllOutputs(nn.Module):
+    def __init__(self, network: SteeringNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, frames: torch.Tensor) -> torch.Tensor:
+        return self.network.predict(frames)
+
+
+def export_network(network: nn.Module, example: torch.Tensor, output: str = OUTPUT) -> onnx.ModelProto:
     """Convert a network of one input and one output, for any number of images; `example` is a batch of two."""
     with _quiet():
         program = torch.onnx.export(
             network,
             (example,),
             input_names=[INPUT],
-            output_names=[OUTPUT],
+            output_names=[output],
             dynamic_shapes=({0: torch.export.Dim("n", min=1)},),
             external_data=False,
             verbose=False,

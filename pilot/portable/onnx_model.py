@@ -1,6 +1,5 @@
 """Steering by an ONNX file: one of this program, or of another project with a description of its preprocessing."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from pilot.arrays import Frame
 from pilot.model.checkpoint import UnusableModel
 from pilot.portable.metadata import METADATA_KEY, ModelCard, read_card
 from pilot.portable.preprocessing import Preprocessing, WrongDescription, input_shape, read_preprocessing
+from pilot.signature import STEERING_ONLY, Signature
 from pilot.vehicle import COLUMNS, ROWS
 
 SUFFIX = ".onnx"
@@ -35,8 +35,9 @@ class OnnxModel:
     Attributes:
         card: what is known about the model.
         session: of ONNX Runtime.
-        prepare: a frame (160x320x3, uint8 RGB) to the network's input.
-        output: number of the value that is the steering, among those of all outputs.
+        prepare: a frame (160x320x3, uint8 RGB; with a history: K x 160 x 320 x 3) to the network's input.
+        output: number of the value that is the steering, among those of all outputs; other values of the card's
+            signature follow it.
         multiply: factor from that output to steering of -1..1.
     """
 
@@ -56,14 +57,22 @@ class OnnxModel:
         """The training options, if the file tells them."""
         return self.card.config
 
-    def steer(self, frame: Frame) -> float:
-        """Return the steering for a frame (160x320x3, uint8 RGB), not clipped.
+    @property
+    def signature(self) -> Signature:
+        """What the network takes and returns."""
+        return self.card.signature
+
+    def predict(self, frame: Frame) -> list[float]:
+        """Return the outputs for a frame, or a history of frames, as `SteeringNetwork.predict` does.
 
         Raises:
             RuntimeError: ONNX Runtime could not run the network.
         """
         outputs = self.session.run(None, {self.session.get_inputs()[0].name: self.prepare(frame)})
-        return float(np.concatenate([np.ravel(output) for output in outputs])[self.output]) * self.multiply
+        values = np.concatenate([np.ravel(output) for output in outputs])
+        if self.output + self.signature.outputs > len(values):
+            raise WrongDescription(f"steering output {self.output}: there are fewer values (the first one is 0)")
+        return [float(value) * self.multiply for value in values[self.output :][: self.signature.outputs]]
 
 
 def load_onnx(path: Path) -> OnnxModel:
@@ -144,7 +153,7 @@ def _card(path: Path, session: onnxruntime.InferenceSession) -> ModelCard:
             return ModelCard(path.stem, preprocessing=read_preprocessing(description))
     except ValueError as error:
         raise UnusableModel(f"{path}: {error}") from error
-    if _takes_frames(session):
+    if _takes_frames(session, STEERING_ONLY):
         return ModelCard(path.stem)
     raise UnusableModel(
         f"{path}: takes {_type(session)}, not frames as they are, and nothing says how to prepare them. Describe it in "
@@ -152,10 +161,14 @@ def _card(path: Path, session: onnxruntime.InferenceSession) -> ModelCard:
     )
 
 
-def _takes_frames(session: onnxruntime.InferenceSession) -> bool:
+def _takes_frames(session: onnxruntime.InferenceSession, signature: Signature) -> bool:
     inputs = session.get_inputs()
     shape = tuple(inputs[0].shape[1:]) if inputs else ()
-    return len(inputs) == 1 and inputs[0].type == RAW_INPUT and shape == FRAMES
+    return len(inputs) == 1 and inputs[0].type == RAW_INPUT and shape == _frames(signature)
+
+
+def _frames(signature: Signature) -> tuple[int, ...]:
+    return (signature.frames, *FRAMES) if signature.history else FRAMES
 
 
 def _type(session: onnxruntime.InferenceSession) -> str:
@@ -163,8 +176,9 @@ def _type(session: onnxruntime.InferenceSession) -> str:
 
 
 def _raw(card: ModelCard, session: onnxruntime.InferenceSession) -> OnnxModel:
-    if not _takes_frames(session):
-        raise WrongDescription(f"takes {_type(session)} instead of frames, N x 160 x 320 x 3 of uint8")
+    if not _takes_frames(session, card.signature):
+        wanted = " x ".join(map(str, _frames(card.signature)))
+        raise WrongDescription(f"takes {_type(session)} instead of frames, N x {wanted} of uint8")
     return OnnxModel(card, session, lambda frame: frame[None], 0, 1.0)
 
 
@@ -195,10 +209,10 @@ def _described(card: ModelCard, described: Preprocessing, session: onnxruntime.I
 def _check_steering(model: OnnxModel) -> None:
     """Let the model steer once, so that what is wrong is known before the drive."""
     try:
-        steering = model.steer(np.zeros(FRAMES, np.uint8))
-    except IndexError:
-        raise WrongDescription(f"steering output {model.output}: there are fewer values (the first one is 0)") from None
+        outputs = model.predict(np.zeros(_frames(model.signature), np.uint8))
+    except WrongDescription:
+        raise
     except Exception as error:
         raise WrongDescription(f"ONNX Runtime cannot run it ({first_line(error)})") from error
-    if not math.isfinite(steering):
+    if not np.isfinite(outputs).all():
         raise WrongDescription("steers by no finite number; its training must have diverged")

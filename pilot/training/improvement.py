@@ -14,7 +14,6 @@ from tqdm import tqdm
 
 from pilot import process_settings
 from pilot.data.driving_log import DrivingLog, read_driving_logs
-from pilot.data.samples import make_samples
 from pilot.driving.controller import ControllerConfig
 from pilot.evaluation.conditions import Conditions
 from pilot.evaluation.corrected_drive import CorrectedDrive, CorrectedDriveRequest, drive_corrected
@@ -25,7 +24,7 @@ from pilot.simulator.track import REVERSED
 from pilot.terminal import show
 from pilot.training.config import TrainingConfig
 from pilot.training.recipes import IMPROVEMENT
-from pilot.training.session import keep, make_cache, training_bar
+from pilot.training.session import keep, make_cache, samples_of, training_bar
 from pilot.training.trainer import Training
 from pilot.workers import run_tasks
 
@@ -200,13 +199,13 @@ def _some(rows: pd.DataFrame, number: int, random: np.random.Generator) -> pd.Da
 
 
 def _images_per_second(config: TrainingConfig, rows: pd.DataFrame) -> float:
-    training = Training(replace(config, epochs=1), *make_samples(rows[:TIMED_ROWS], config.samples, config.seed))
+    training = Training(replace(config, epochs=1), *samples_of(rows[:TIMED_ROWS], config))
     training.run(lambda _: None, no_bar)
     return float(training.history[-1]["images_per_second"])
 
 
 def _train(config: TrainingConfig, log: DrivingLog, set_up: Callable[[int], None]) -> None:
-    samples, validation = make_samples(log.rows, config.samples, config.seed)
+    samples, validation = samples_of(log.rows, config)
     training = Training(config, samples, validation, cache=make_cache(config))
     set_up(training.cores.threads_each)
     training.run(lambda _: None, training_bar(hidden=False))

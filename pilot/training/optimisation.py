@@ -12,11 +12,18 @@ from torch.optim.lr_scheduler import LambdaLR
 from pilot.training.config import TrainingConfig
 
 
-def losses(predicted: Tensor, steering: Tensor, config: TrainingConfig) -> Tensor:
-    """Return the loss of each sample (n), given n predictions and labels: squared error, or Huber loss."""
+def losses(predicted: Tensor, labels: Tensor, config: TrainingConfig) -> Tensor:
+    """Return the loss of each sample (n): squared error, or Huber loss, averaged over the network's outputs.
+
+    Args:
+        predicted: n x outputs.
+        labels: n x outputs; NaN where unknown, which counts as no error.
+        config: training options; the loss is used.
+    """
+    labels = torch.where(labels.isnan(), predicted.detach(), labels)
     if config.loss == "huber":
-        return functional.huber_loss(predicted, steering, reduction="none", delta=config.huber_delta)
-    return functional.mse_loss(predicted, steering, reduction="none")
+        return functional.huber_loss(predicted, labels, reduction="none", delta=config.huber_delta).mean(1)
+    return functional.mse_loss(predicted, labels, reduction="none").mean(1)
 
 
 def make_optimiser(parameters: Sequence[Tensor], config: TrainingConfig, device: torch.device) -> Optimizer:

@@ -103,7 +103,7 @@ _REAL = replace(
     augment=replace(_WIDE_VIEWS, brightness=0, saturation=0.25),
 )
 # For a person's own laps on top of a ready-made model: few, so that more of the model is kept.
-_FINE_TUNE = replace(_REAL, recipe="fine-tune", start_share=0.5)
+_FINE_TUNE = replace(_REAL, recipe="fine-tune", start_share=0.7)
 # For learning from corrections in the built-in simulator, together with earlier demonstrations.
 _CORRECTIONS = replace(_BUILT_IN, recipe="corrections", epochs=3, learning_rate=5e-4, warm_up=50)
 # The same with the expert's corrections, which are as many as the demonstrations: see `pilot.training.improvement`.

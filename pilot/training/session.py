@@ -57,7 +57,7 @@ def train(config: TrainingConfig, processes: Processes, set_up: Callable[[int], 
     say(log.table())
     if cache.error:
         say(f"decoded images cannot be cached ({cache.error}): each is decoded again in every epoch")
-    samples, validation = make_samples(log.rows, config.samples, config.seed)
+    samples, validation = samples_of(log.rows, config)
     # only the main process drives; its result is shared
     driving_check = make_driving_check(config, log, validation) if processes.is_main else None
     training = Training(config, samples, validation, processes=processes, driving_check=driving_check, cache=cache)
@@ -88,6 +88,15 @@ def train(config: TrainingConfig, processes: Processes, set_up: Callable[[int], 
         if processes.is_main:
             finish(config, training, result)
     processes.barrier()
+
+
+def samples_of(rows: pd.DataFrame, config: TrainingConfig) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the training samples and the validation samples for the network of a training.
+
+    Raises:
+        ValueError: there are too few rows, or recordings, for a training and a validation set.
+    """
+    return make_samples(rows, config.samples, config.seed, network_class(config.network).signature)
 
 
 @contextmanager

@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.optim.lr_scheduler import LambdaLR
 
-from pilot.arrays import Frame
 from pilot.data.batches import Batch, BatchLoader, MicroBatch
 from pilot.data.device_augment import augment
 from pilot.data.frame_cache import FrameCache
-from pilot.driving.driver import DrivingCheck
+from pilot.driving.driver import DrivingCheck, NetworkPolicy
 from pilot.interrupt import Interrupt, catch_interrupt
 from pilot.model.build import build_network
 from pilot.model.checkpoint import UnusableModel, load_model, save_values, to_jsonable
@@ -167,11 +166,11 @@ class Training:
         micro_batch = reading.result()
         if not len(micro_batch.index):
             return [torch.zeros_like(parameter) for parameter in self.parameters], torch.zeros((), device=self.device)
-        steering, weight = micro_batch.steering.to(self.device), micro_batch.weight.to(self.device)
+        labels, weight = micro_batch.labels.to(self.device), micro_batch.weight.to(self.device)
         with self._repeatable_draws(), autocast(self.device):
-            predicted = self.network(self._frames(micro_batch)).float()
-        loss = (weight * losses(predicted, steering, self.config)).sum() / size
-        return torch.autograd.grad(loss, self.parameters), (predicted.detach() - steering).square().sum()
+            predicted = self.network.predict(self._frames(micro_batch)).float()
+        loss = (weight * losses(predicted, labels, self.config)).sum() / size
+        return torch.autograd.grad(loss, self.parameters), (predicted.detach() - labels)[:, 0].square().sum()
 
     @contextlib.contextmanager
     def _repeatable_draws(self) -> Iterator[None]:
@@ -186,7 +185,11 @@ class Training:
 
     def _frames(self, micro_batch: MicroBatch) -> Tensor:
         frames = micro_batch.frames.to(self.device, non_blocking=True)
-        return augment(frames, micro_batch.draws.to(self.device), self.network.rows) if micro_batch.draws else frames
+        if not micro_batch.draws:
+            return frames
+        augmented = augment(frames, micro_batch.draws.to(self.device), self.network.rows)
+        history = self.network.signature.history
+        return augmented.reshape(-1, 1 + len(history), *augmented.shape[1:]) if history else augmented
 
     def _end_epoch(self, images_per_second: float) -> None:
         self.processes.average_statistics(self.network)
@@ -213,7 +216,7 @@ class Training:
     def _check_driving(self) -> None:
         drove = torch.zeros(2, dtype=torch.float64)  # on the CPU: Apple's GPUs have no float64
         if self.driving_check:  # in the main process only
-            drove += torch.tensor(self.driving_check(self.steer), dtype=torch.float64)
+            drove += torch.tensor(self.driving_check(NetworkPolicy(self.network, self.device)), dtype=torch.float64)
         interventions, cross_track_error = self.processes.sum(drove).tolist()
         self.history[-1] |= {"interventions": interventions, "cross_track_error": cross_track_error}
         if (interventions, cross_track_error) < self.best_driving["error"]:
@@ -221,12 +224,6 @@ class Training:
 
     def _snapshot(self, error: float | tuple[float, float]) -> dict[str, Any]:
         return {"error": error, "epoch": self.epoch, "weights": copy.deepcopy(self.network.state_dict())}
-
-    def steer(self, frame: Frame) -> float:
-        """Return the steering (-1..1) of the current network for a frame (160x320x3, uint8 RGB)."""
-        self.network.eval()
-        with torch.inference_mode():
-            return float(self.network(torch.from_numpy(frame)[None].to(self.device)).clamp(-1, 1))
 
     def validate(self) -> Agreement:
         """Compute the metrics of the current network on the validation samples; called by all processes.
@@ -335,6 +332,7 @@ class Training:
             world_size=self.processes.world_size,
             micro_batches=self.micro_batches,
             for_gpu=self.device.type != "cpu",
+            signature=self.network.signature,
         )
 
 

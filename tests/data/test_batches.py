@@ -41,7 +41,7 @@ def test_frames_come_as_recorded_in_rgb_without_augmentation(recording: Recordin
         expected = read_frame(samples["image"][position])[slice(*ROWS)]
         np.testing.assert_array_equal(seen(batch)[position], expected)
     assert seen(batch)[..., 0].max() > 200 > 120 > seen(batch)[seen(batch)[..., 0] > 200][:, 2].min()  # red, not blue
-    np.testing.assert_allclose(batch.steering, samples["steering"][:8], rtol=1e-6)
+    np.testing.assert_allclose(batch.labels[:, 0], samples["steering"][:8], rtol=1e-6)
 
 
 def test_an_epoch_holds_every_sample_once_in_an_order_of_its_own(recording: Recording) -> None:
@@ -58,7 +58,7 @@ def test_augmentation_depends_on_seed_epoch_and_sample_alone(recording: Recordin
     batches = [whole(batch) for batch in loader.epoch(3)]
     resumed = whole(next(loader.epoch(3, first_batch=2)))
     assert torch.equal(seen(batches[2]), seen(resumed))
-    assert torch.equal(batches[2].steering, resumed.steering)
+    assert torch.equal(batches[2].labels, resumed.labels)
     in_parts = next(BatchLoader(samples, ROWS, 32, augment=AugmentConfig(), seed=1, micro_batches=3).epoch(3))
     assert torch.equal(torch.cat([seen(micro_batch()) for micro_batch in in_parts.micro_batches]), seen(batches[0]))
 
@@ -78,11 +78,11 @@ def test_copies_are_rendered_with_their_label(recording: Recording) -> None:
     batch = whole(next(loader.epoch(0)))
     mirrored = np.flatnonzero(samples["flip"] & (samples["rotation"] == 0))[0]
     original = mirrored - len(samples) // 4
-    assert batch.steering[mirrored] == -batch.steering[original]
+    assert batch.labels[:, 0][mirrored] == -batch.labels[:, 0][original]
     np.testing.assert_array_equal(seen(batch)[mirrored], seen(batch)[original].flip(1))
     turned = np.flatnonzero(~samples["flip"] & (samples["rotation"] != 0))[0]
     expected = samples["steering"][turned] + np.radians(samples["rotation"][turned])
-    np.testing.assert_allclose(batch.steering[turned], expected, rtol=1e-5)
+    np.testing.assert_allclose(batch.labels[:, 0][turned], expected, rtol=1e-5)
 
 
 def test_a_picture_that_breaks_meanwhile_falls_out(recording: Recording) -> None:
@@ -92,7 +92,7 @@ def test_a_picture_that_breaks_meanwhile_falls_out(recording: Recording) -> None
     Path(broken).write_bytes(b"\xff\xd8 broken")
     batch = next(loader.epoch(0))
     micro_batch = whole(batch)
-    assert len(micro_batch.frames) == len(micro_batch.steering) == len(micro_batch.weight) == 7
+    assert len(micro_batch.frames) == len(micro_batch.labels[:, 0]) == len(micro_batch.weight) == 7
     assert batch.size == 8
     assert loader.unreadable == {broken}
 
@@ -107,7 +107,7 @@ def test_the_device_augments_as_the_cpu_does(recording: Recording) -> None:
     on_device = BatchLoader(samples, ROWS, 64, augment=config, cache=cache, for_gpu=True)
     for expected, batch in zip(on_cpu.epoch(0), on_device.epoch(0), strict=True):
         wanted, micro_batch = whole(expected), whole(batch)
-        assert torch.equal(micro_batch.steering, wanted.steering)
+        assert torch.equal(micro_batch.labels[:, 0], wanted.labels[:, 0])
         shown = augment(micro_batch.frames, micro_batch.draws.to(torch.device("cpu")), ROWS)
         difference = (shown[:, slice(*ROWS)].int() - seen(wanted).int()).abs().float()
         # grey levels: OpenCV rounds its coefficients, and shades the pixels on a shadow's very edge

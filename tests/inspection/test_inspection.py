@@ -187,11 +187,7 @@ def test_the_examiner_goes_through_all_recordings(recording: InspectedRecording,
     broken = InspectedRecording(write_recording(tmp_path / "broken", moments=30))
     Path(broken.rows["center"].iloc[10]).write_bytes(b"")  # damaged after it was read
 
-    class Driver:
-        def steer(self, _frame: np.ndarray) -> float:
-            return 0.25
-
-    Examiner([broken, recording], Driver(), networks=False).run()
+    Examiner([broken, recording], lambda _frame: 0.25, networks=False).run()
     assert recording.state == ""
     assert recording.predicted.tolist() == [0.25] * 60
     assert {"frozen", "turn", "cameras", "off road"} <= recording.scores.keys()

@@ -1,9 +1,10 @@
 import pytest
 import torch
+from conftest import random_frames
 from torch import nn
 
 from pilot.model.build import build_network, count_parameters
-from pilot.model.inference import fast_forward, fold_dense
+from pilot.model.inference import fast_predict, fold_dense
 from pilot.model.networks import network_names
 from pilot.model.networks.pilotnet import PilotNet
 from pilot.model.steering_network import SteeringNetwork
@@ -12,6 +13,9 @@ COUNTS = {
     "nvidia": 2_712_951,
     "pilotnet": 252_219,
     "pilotnet_standardised": 260_039,
+    "pilotnet_speed": 260_050,
+    "pilotnet_ahead": 260_094,
+    "pilotnet_history": 261_239,
     "lenet": 723_091,
     "simplenet": 183_683,
     "densenet": 187_469,
@@ -29,8 +33,8 @@ def test_densenet_without_batch_norm_is_the_documents() -> None:
 
 @pytest.mark.parametrize("name", network_names())
 def test_takes_raw_frames_and_returns_one_steering_each(name: str) -> None:
-    frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
     network = build_network(name, seed=1).eval()
+    frames = random_frames(network)
     with torch.inference_mode():
         together, alone = network(frames), network(frames[1:])
     assert together.shape == (2,)
@@ -40,11 +44,11 @@ def test_takes_raw_frames_and_returns_one_steering_each(name: str) -> None:
 
 @pytest.mark.parametrize("name", network_names())
 def test_sky_and_bonnet_do_not_matter_but_colours_do(name: str) -> None:
-    frames = torch.randint(0, 256, (1, 160, 320, 3), dtype=torch.uint8)
     network = build_network(name, seed=1).eval()
+    frames = random_frames(network, 1)
     elsewhere = frames.clone()
-    elsewhere[:, : network.rows[0]] = 0
-    elsewhere[:, network.rows[1] :] = 255
+    elsewhere[..., : network.rows[0], :, :] = 0
+    elsewhere[..., network.rows[1] :, :, :] = 255
     with torch.inference_mode():
         assert torch.equal(network(frames), network(elsewhere))
         assert not torch.equal(network(frames), network(frames.flip(-1)))
@@ -123,15 +127,15 @@ def test_dense_layers_without_bias_are_left_alone() -> None:
     network.layers = nn.Sequential(nn.Flatten(), nn.Linear(3 * 66 * 200, 8, bias=False), nn.Linear(8, 1))
     frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
     with torch.inference_mode():
-        torch.testing.assert_close(fast_forward(network)(frames), network(frames))
+        torch.testing.assert_close(fast_predict(network)(frames), network.predict(frames))
 
 
 @pytest.mark.parametrize("name", network_names())
-def test_the_fast_forward_of_driving_steers_the_same(name: str) -> None:
+def test_the_fast_predict_of_driving_steers_the_same(name: str) -> None:
     network = build_network(name, 3).eval()
-    frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
+    frames = random_frames(network)
     with torch.inference_mode():
-        torch.testing.assert_close(fast_forward(network)(frames), network(frames), atol=1e-5, rtol=1e-4)
+        torch.testing.assert_close(fast_predict(network)(frames), network.predict(frames), atol=1e-5, rtol=1e-4)
 
 
 class Gamma(PilotNet):
@@ -151,16 +155,16 @@ def test_a_preparation_of_another_kind_is_not_folded_away(kind: type[PilotNet]) 
     network = kind().eval()
     frames = torch.randint(0, 256, (2, 160, 320, 3), dtype=torch.uint8)
     with torch.inference_mode():
-        torch.testing.assert_close(fast_forward(network)(frames), network(frames), atol=1e-5, rtol=1e-4)
+        torch.testing.assert_close(fast_predict(network)(frames), network.predict(frames), atol=1e-5, rtol=1e-4)
 
 
 @pytest.mark.parametrize("name", network_names())
 def test_the_steering_depends_only_on_the_rows_that_the_network_names(name: str) -> None:
     network = build_network(name, 0).eval()
     first, last = network.seen_rows
-    frame = torch.randint(0, 256, (1, 160, 320, 3), dtype=torch.uint8, generator=torch.Generator().manual_seed(0))
+    frame = random_frames(network, 1)
     other = torch.zeros_like(frame)
-    other[:, first:last] = frame[:, first:last]
+    other[..., first:last, :, :] = frame[..., first:last, :, :]
     with torch.inference_mode():
         assert torch.equal(network(frame), network(other))
 

@@ -2,26 +2,23 @@
 
 import pytest
 import torch
+from conftest import random_frames
 from torch import Tensor
 
 from pilot.model.build import build_network
-from pilot.model.inference import fast_forward, fast_steps
+from pilot.model.inference import fast_predict, fast_steps
 from pilot.model.networks import network_names
 from pilot.model.side_by_side import SideBySide
-
-
-def frames(count: int) -> Tensor:
-    generator = torch.Generator().manual_seed(count)
-    return torch.randint(0, 256, (count, 160, 320, 3), dtype=torch.uint8, generator=generator)
 
 
 @pytest.mark.parametrize("name", network_names())
 def test_every_network_steers_the_same(name: str) -> None:
     network = build_network(name, 1).eval()
-    alone, together = fast_forward(network), SideBySide(fast_steps(network))
+    alone, together = fast_predict(network), SideBySide(fast_steps(network))
     with torch.inference_mode():
-        together(frames(3))
-        for batch in (frames(1), frames(2), frames(3).flip(0), frames(3)):
+        frames = [random_frames(network, count, count) for count in (1, 2, 3)]
+        together(frames[2])
+        for batch in (frames[0], frames[1], frames[2].flip(0), frames[2]):
             assert torch.equal(together(batch), torch.cat([alone(frame[None]) for frame in batch]))
 
 

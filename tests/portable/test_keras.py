@@ -85,7 +85,7 @@ def test_the_command_converts_it_with_its_preprocessing(tmp_path: Path) -> None:
     assert export.main([str(tmp_path / "model.h5"), "--preprocessing", str(description)]) == 0
     frame = np.random.default_rng(2).integers(0, 256, (160, 320, 3), np.uint8)
     expected = 0.1 * by_hand(frame[60:126, 60:260].astype(np.float64), weights)
-    assert load_onnx(tmp_path / "model.onnx").steer(frame) == pytest.approx(expected, rel=1e-4)
+    assert load_onnx(tmp_path / "model.onnx").predict(frame)[0] == pytest.approx(expected, rel=1e-4)
 
 
 def test_a_lambda_is_not_executed_but_must_be_described(tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def test_an_exported_network_steers_as_the_original(network: str, frames: Frames
     onnx_form = onnx_model(Path("model.onnx"), export_model(model).SerializeToString())
     with torch.inference_mode():
         expected = model.network(torch.from_numpy(frames)).numpy()
-    assert np.abs(expected - [onnx_form.steer(frame) for frame in frames]).max() < 1e-5
+    assert np.abs(expected - [onnx_form.predict(frame)[0] for frame in frames]).max() < 1e-5
 
 
 @pytest.mark.parametrize(("before", "after"), [(320, 200), (65, 66), (76, 128), (320, 128), (100, 31)])
@@ -65,7 +65,9 @@ def test_the_command_writes_a_model_that_drives_as_the_original(exported: Path, 
     original, copy = Driver.load(exported / "model.pt"), Driver.load(exported / "model.onnx")
     assert copy.steer(frames[0]) == pytest.approx(original.steer(frames[0]), abs=1e-5)
     assert (copy.model.name, copy.model.config) == ("pilotnet", {"recipe": "real"})
-    assert load_onnx(exported / "model.int8.onnx").steer(frames[0]) == pytest.approx(copy.steer(frames[0]), abs=0.1)
+    assert load_onnx(exported / "model.int8.onnx").predict(frames[0])[0] == pytest.approx(
+        copy.predict(frames[0])[0], abs=0.1
+    )
 
 
 def test_an_onnx_file_is_evaluated_like_a_model(
@@ -144,15 +146,15 @@ def write(folder: Path, model: onnx.ModelProto, description: object = None) -> P
 
 def test_a_network_of_another_project_steers_by_its_description(tmp_path: Path, frames: Frames) -> None:
     description = {"steps": STEPS, "steering": {"output": 1, "multiply": 0.5}}
-    steer = load_onnx(write(tmp_path, foreign(outputs=2), description)).steer
+    steer = load_onnx(write(tmp_path, foreign(outputs=2), description)).predict
     image = cv2.cvtColor(cv2.resize(frames[0][60:-25], (200, 66)), cv2.COLOR_RGB2YUV) / 127.5 - 1
-    assert steer(frames[0]) == pytest.approx(0.5 * (1 + image.mean()), abs=1e-5)
+    assert steer(frames[0])[0] == pytest.approx(0.5 * (1 + image.mean()), abs=1e-5)
 
 
 def test_images_of_pytorchs_order(tmp_path: Path, frames: Frames) -> None:
     description = {"steps": [{"crop": {"left": 20, "right": 100}}], "layout": "NCHW"}
-    steer = load_onnx(write(tmp_path, foreign(shape=(1, 3, 160, 200)), description)).steer
-    assert steer(frames[0]) == pytest.approx(frames[0][:, 20:-100].mean(), rel=1e-5)
+    steer = load_onnx(write(tmp_path, foreign(shape=(1, 3, 160, 200)), description)).predict
+    assert steer(frames[0])[0] == pytest.approx(frames[0][:, 20:-100].mean(), rel=1e-5)
 
 
 def test_the_export_puts_a_description_into_the_file(tmp_path: Path, frames: Frames) -> None:
@@ -160,9 +162,9 @@ def test_the_export_puts_a_description_into_the_file(tmp_path: Path, frames: Fra
     described = tmp_path / "described.onnx"
     options = ["--preprocessing", str(path.with_suffix(".json")), "--out", str(described)]
     assert export.main([str(path), *options]) == 0
-    expected = load_onnx(path).steer(frames[0])
+    expected = load_onnx(path).predict(frames[0])[0]
     path.with_suffix(".json").unlink()
-    assert load_onnx(described).steer(frames[0]) == expected
+    assert load_onnx(described).predict(frames[0])[0] == expected
 
 
 Spoil = Callable[[onnx.ModelProto], object]

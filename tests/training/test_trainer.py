@@ -1,5 +1,4 @@
 import math
-from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from pilot.data.augment import AugmentConfig
 from pilot.data.batches import Batch, MicroBatch
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.samples import SampleConfig, make_samples
+from pilot.driving.plan import SteeringPolicy, as_plan
 from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, UnusableModel, save_model
 from pilot.model.networks.pilotnet import PilotNet
@@ -191,8 +191,8 @@ def test_keeps_the_epoch_that_drives_best_beside_that_of_the_lowest_error(
     drives = iter([(1, 0.2), (0, 0.4), (0, 0.3), (2, 0.1)])  # fewer interventions first, then the smaller offset
     kept: list[torch.Tensor] = []
 
-    def check(steer: Callable[[np.ndarray], float]) -> tuple[int, float]:
-        assert -1 <= steer(np.full((160, 320, 3), 90, np.uint8)) <= 1
+    def check(policy: SteeringPolicy) -> tuple[int, float]:
+        assert -1 <= as_plan(policy(np.full((160, 320, 3), 90, np.uint8))).steering[0] <= 1
         kept.append(weights(training).clone())
         return next(drives)
 
@@ -225,7 +225,7 @@ def test_l2_is_the_penalty_added_to_the_loss(samples: tuple[pd.DataFrame, pd.Dat
     ours, reference = Training(config, *samples), Training(replace(config, l2=0.0), *samples)
     micro_batch = whole(ours)
     next(ours.steps([Batch(32, [lambda: micro_batch])]))
-    loss = ((reference.network(micro_batch.frames) - micro_batch.steering) ** 2).mean()
+    loss = ((reference.network(micro_batch.frames) - micro_batch.labels[:, 0]) ** 2).mean()
     (loss + 0.01 * sum(p.square().sum() for p in reference.network.parameters())).backward()
     reference.optimiser.step()
     torch.testing.assert_close(weights(ours), weights(reference), atol=1e-5, rtol=1e-4)
@@ -281,7 +281,7 @@ def test_the_learning_rate_warms_up_over_epochs(samples: tuple[pd.DataFrame, pd.
 
 def test_huber_counts_large_errors_less() -> None:
     config = replace(CONFIG, loss="huber", huber_delta=0.1)
-    small, large = losses(torch.tensor([0.01, 1.0]), torch.zeros(2), config).tolist()
+    small, large = losses(torch.tensor([[0.01], [1.0]]), torch.zeros(2, 1), config).tolist()
     assert small == pytest.approx(0.01**2 / 2)
     assert large == pytest.approx(0.1 * (1.0 - 0.05))
 
@@ -307,7 +307,7 @@ def test_parts_add_up_to_the_whole_batch(samples: tuple[pd.DataFrame, pd.DataFra
         replace(
             micro_batch,
             frames=micro_batch.frames[half],
-            steering=micro_batch.steering[half],
+            labels=micro_batch.labels[half],
             weight=micro_batch.weight[half],
             index=micro_batch.index[half],
         )
@@ -329,7 +329,7 @@ def read(micro_batch: MicroBatch) -> Future[MicroBatch]:
 def whole(training: Training) -> MicroBatch:
     """The first batch of a training, as one micro-batch."""
     micro_batches = [micro_batch() for micro_batch in next(training.loader.epoch(0)).micro_batches]
-    names = ("frames", "steering", "weight")
+    names = ("frames", "labels", "weight")
     return MicroBatch(
         *(torch.cat([getattr(micro_batch, name) for micro_batch in micro_batches]) for name in names),
         index=np.concatenate([micro_batch.index for micro_batch in micro_batches]),

@@ -20,8 +20,9 @@ class PilotNet(SteeringNetwork):
 
     def __init__(self) -> None:
         super().__init__()
-        head = dense(1152, 100, 50, 10, 1, activation=nn.ReLU)
-        self.layers = nn.Sequential(*nvidia_convolutions(self.maps), nn.Flatten(), *head)
+        head = dense(1152, 100, 50, 10, self.signature.outputs, activation=nn.ReLU)
+        convolutions = nvidia_convolutions(self.maps, 3 * self.signature.frames)
+        self.layers = nn.Sequential(*convolutions, nn.Flatten(), *head)
         yuv = torch.tensor([[0.299, 0.587, 0.114], [-0.147, -0.289, 0.436], [0.615, -0.515, -0.100]])
         self.register_buffer("colours", yuv[:, :, None, None] / 127.5, persistent=False)
         self.register_buffer("shift", -yuv.sum(1), persistent=False)
