@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import itertools
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from pilot import process_settings
 from pilot.board.maps import draw_maps
 from pilot.board.points import DrivePoints, judge
 from pilot.board.suite import Suite
-from pilot.evaluation.closed_loop import ModelPolicy, PolicyFactory, expert_policy, run
+from pilot.evaluation.closed_loop import ModelPolicy, PolicyFactory, expert_policy, run_together
 from pilot.files import write_atomically
 from pilot.portable.loading import load
 from pilot.simulator.catalogue import load_track
@@ -113,9 +114,15 @@ def drive(suite: Suite, contestant: Contestant, jobs: int | None, clips: Path | 
         each.request(contestant.driver, clip_file(clips, contestant.name, number) if clips else None)
         for number, each in enumerate(suite.drives)
     ]
-    found = run_tasks(run, requests, jobs, process_settings.for_driving)
-    trajectories = dict(tqdm(found, contestant.name, len(requests), unit=" drives", leave=False))
-    return [trajectories[number] for number in range(len(requests))]
+    # neighbours on the same road in the same light are driven side by side
+    together = [list(group) for _, group in itertools.groupby(requests, lambda each: (each.track, each.light))]
+    groups = [[request] for request in requests] if clips else together
+    trajectories: dict[int, list[Trajectory]] = {}
+    with tqdm(total=len(requests), desc=contestant.name, unit=" drives", leave=False) as bar:
+        for number, driven in run_tasks(run_together, groups, jobs, process_settings.for_driving):
+            trajectories[number] = driven
+            bar.update(len(driven))
+    return [each for number in range(len(groups)) for each in trajectories[number]]
 
 
 # Files

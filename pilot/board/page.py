@@ -33,6 +33,9 @@ def write_page(folder: Path, suite: Suite, results: Sequence[Result]) -> Path:
     text = template.substitute(
         version=escape(suite.version),
         drives=len(suite.drives),
+        description=escape(suite.description),
+        latencies="".join(f'<th class="number">{latency} ms</th>' for latency in latencies(suite)),
+        by_latency="\n".join(_by_latency(suite, result) for result in ranked),
         speed=f"{SPEED:g}",
         agreement=f"{agreement:.2f}" if np.isfinite(agreement) else "–",
         head="".join(f'<th scope="col"><button>{escape(column)}</button></th>' for column in COLUMNS),
@@ -84,6 +87,25 @@ def _cell(column: str, value: float | str, link: str) -> str:
     return f'<td class="number" data-value="{value:.6f}">{value:.{digits}f}</td>'
 
 
+def latencies(suite: Suite) -> list[int]:
+    """Return the latencies of a suite's drives in ms, ascending."""
+    return sorted({drive.latency_ms for drive in suite.drives})
+
+
+def interventions_by_latency(suite: Suite, result: Result) -> list[int]:
+    """Return the interventions of a driver with each of the latencies of a suite."""
+    pairs = list(zip(suite.drives, result.drives, strict=True))
+    return [
+        sum(driven.interventions for drive, driven in pairs if drive.latency_ms == latency)
+        for latency in latencies(suite)
+    ]
+
+
+def _by_latency(suite: Suite, result: Result) -> str:
+    cells = "".join(f'<td class="number">{count}</td>' for count in interventions_by_latency(suite, result))
+    return f"<tr><th scope='row'>{escape(result.name)}</th>{cells}</tr>"
+
+
 def _pairs(ranked: Sequence[Result]) -> str:
     """Return rows with the difference of points between each driver and the next one, and its p-value."""
     rows = []
@@ -121,13 +143,18 @@ def _details(folder: Path, result: Result) -> str:
     )
 
 
-def text_table(ranked: Sequence[Result]) -> str:
+def text_table(suite: Suite, ranked: Sequence[Result]) -> str:
     """Return the main figures of all results as text, in the given order."""
-    lines = [f"{'':28} {'points':>6}  {'95 %':15} {'interventions':>13}  {'clean drives':24} {'cross-track, m':>14}"]
+    late = f"at {', '.join(map(str, latencies(suite)))} ms"
+    lines = [
+        f"{'':28} {'points':>6}  {'95 %':15} {'interventions':>13}  {'clean drives':24} {'cross-track, m':>14} "
+        f"{'mph':>5}  interventions {late}"
+    ]
     for result in ranked:
         cells = figures(result)
         lines.append(
             f"{result.name:28} {cells['points']:6.1f}  {cells['95 %']:15} {cells['interventions']:13.0f}  "
-            f"{cells['clean drives']:24} {cells[ERROR]:14.2f}"
+            f"{cells['clean drives']:24} {cells[ERROR]:14.2f} {cells['mph']:5.1f}  "
+            f"{', '.join(map(str, interventions_by_latency(suite, result)))}"
         )
     return "\n".join(lines)

@@ -63,10 +63,12 @@ class Suite:
     Attributes:
         version: its name.
         drives: in the order of the tables.
+        description: of roads, lights and conditions, for the page.
     """
 
     version: str
     drives: tuple[SuiteDrive, ...]
+    description: str
 
     @property
     def digest(self) -> str:
@@ -84,6 +86,8 @@ CONDITIONS = ((40, 0.0), (140, 0.0), (40, 0.05), (140, 0.05))  # latency in ms, 
 ROADS = ("lake", "jungle", "mountain")
 FIRST_RANDOM = 4000  # seed of the random roads, which are in no demonstration
 METRES = 400.0
+LATENCIES = (40, 120, 200, 300, 400)  # ms
+FIRST_OF_LATENCY = 5000  # seed of the random roads
 
 
 def _first_version() -> Suite:
@@ -108,7 +112,28 @@ def _first_version() -> Suite:
         )
         for number in range(24)
     ]
-    return Suite("v1", (*named, *random))
+    return Suite(
+        "v1",
+        (*named, *random),
+        "on lake, jungle, mountain and random roads, in all lights, with latencies of 40 and 140 ms and up to 5 % of "
+        "the frames lost",
+    )
+
+
+def _latency() -> Suite:
+    """Return drives on eight roads, each with all latencies of `LATENCIES` and in the same light."""
+    roads = [*ROADS, f"jungle{REVERSED}", *(f"random:{FIRST_OF_LATENCY + number}" for number in range(4))]
+    drives = [
+        SuiteDrive(track, LIGHTS[road % len(LIGHTS)], latency, 0.0, start=road, half=road % 2, metres=METRES)
+        for road, track in enumerate(roads)
+        for latency in LATENCIES
+    ]
+    shown = ", ".join(map(str, LATENCIES[:-1]))
+    return Suite(
+        "latency-v1",
+        tuple(drives),
+        f"on lake, jungle, mountain and random roads, each with latencies of {shown} and {LATENCIES[-1]} ms",
+    )
 
 
 def _setting(light: int, condition: int) -> tuple[str, int, float]:
@@ -116,4 +141,4 @@ def _setting(light: int, condition: int) -> tuple[str, int, float]:
     return (LIGHTS[light % len(LIGHTS)], *CONDITIONS[condition % len(CONDITIONS)])
 
 
-SUITES = {suite.version: suite for suite in (_first_version(),)}
+SUITES = {suite.version: suite for suite in (_first_version(), _latency())}

@@ -40,7 +40,7 @@ class EvaluationConfig:
     """Lights in which each track is driven. Default: the track's own."""
     seeds: tuple[int, ...] = ()
     """Seeds of random start positions, one episode each. Default: the start line."""
-    suite: Literal["v1"] | None = None
+    suite: Literal["v1", "latency-v1"] | None = None
     """Measure by a frozen suite of drives instead, with one score, and write the page board.html: docs/board.md."""
     conditions: tyro.conf.OmitArgPrefixes[Conditions] = field(default_factory=Conditions)
     recordings: tuple[Path, ...] = ()
@@ -154,7 +154,7 @@ def measure(config: EvaluationConfig) -> None:
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"what is measured is in {config.out}; the same command continues") from None
     results = list(results_in(config.out, suite))
-    show(text_table(rank(results)))
+    show(text_table(suite, rank(results)))
     show(f"page: {write_page(config.out, suite, results)}")
 
 

@@ -19,9 +19,10 @@ from pilot.simulator.trajectory import Intervention, Trajectory
 V1 = SUITES["v1"]
 
 
-def test_the_first_suite_has_not_changed() -> None:
+def test_the_suites_have_not_changed() -> None:
     """If this fails, results of different times are not comparable: what changed must become a new version."""
     assert V1.digest == "1028cffdc6c25d3b9a3eeb2d7a24e3939b100871990408f3f548151099c4a5b5"
+    assert SUITES["latency-v1"].digest == "226d8c2113847afefdf1fc7747ab246ba4e8b6517af6158de74d0c8440b8c863"
 
 
 def test_the_halves_of_a_suite_are_of_the_same_kind() -> None:
@@ -121,7 +122,7 @@ def test_results_of_another_suite_are_not_shown(tmp_path: Path) -> None:
 
 
 def test_a_measurement_is_not_repeated_but_after_a_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    small = Suite("small", tuple(replace(drive, metres=8.0) for drive in V1.drives[:2]))
+    small = Suite("small", tuple(replace(drive, metres=8.0) for drive in V1.drives[:2]), "on short roads")
     expert = Contestant("expert", None)
     measure_all(small, [expert], tmp_path, jobs=1)
     first = read_result(result_file(tmp_path, "expert"))

@@ -10,6 +10,7 @@ from conftest import REPOSITORY, picture
 
 from pilot.arrays import Frame
 from pilot.driving.controller import ControllerConfig
+from pilot.driving.plan import Plan
 from pilot.evaluation.closed_loop import (
     Delay,
     DriveRequest,
@@ -25,13 +26,15 @@ from pilot.evaluation.over_socket import run_over_socket
 from pilot.evaluation.scenarios import TrackScenario
 from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, save_model
+from pilot.pursuit import LOOKAHEAD, returned, returning_curvature
+from pilot.signature import Signature
 from pilot.simulator.episode import Episode
 from pilot.simulator.referee import Referee, time_limit
 from pilot.simulator.rendering.renderer import Renderer
 from pilot.simulator.scores import Scores, score
-from pilot.simulator.track import Track, closed_road
+from pilot.simulator.track import STEP, Track, closed_road
 from pilot.simulator.trajectory import Trajectory
-from pilot.vehicle import Rows
+from pilot.vehicle import Rows, curvature_to_steering
 from pilot.workers import run_tasks
 
 FRAME = picture(0.0)
@@ -85,6 +88,28 @@ def test_latency_makes_it_worse(winding: Track) -> None:
     assert late.cross_track_mean > 3 * prompt.cross_track_mean  # less of it helps the expert, who steers somewhat early
     assert late.steering_rate > 3 * prompt.steering_rate
     assert late.interventions > prompt.interventions == 0
+
+
+def ahead(episode: Episode) -> SteeringPolicy:
+    """An expert who tells the steering of the next second: of the bends there, and of a car that is on its way back."""
+
+    class Policy:
+        signature = Signature(horizons=(0.0, 0.25, 0.5, 0.75, 1.0))
+
+        def __call__(self, _frame: Frame) -> Plan:
+            metres = episode.car.speed * np.array(self.signature.horizons)
+            bends = episode.track.curvature_ahead(episode.where.progress + LOOKAHEAD / 2, 30.0)
+            there = returned(episode.where.lateral_offset, episode.state.heading_error, metres)
+            curvatures = returning_curvature(bends[(metres / STEP).astype(int)], *there)
+            return Plan(tuple(curvature_to_steering(curvatures)), self.signature.horizons)
+
+    return Policy()
+
+
+def test_a_plan_bridges_latency(winding: Track) -> None:
+    late, planned = (scores(winding, who, latency_ms=800) for who in (expert_policy, ahead))
+    assert late.interventions > planned.interventions == 0
+    assert planned.steering_rate < late.steering_rate / 4  # it does not swing from side to side
 
 
 def test_lost_frames_make_it_worse_by_their_seed(winding: Track) -> None:

@@ -15,6 +15,7 @@ from pilot.commands import evaluate, export
 from pilot.driving.driver import Driver
 from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, UnusableModel, load_model, save_model
+from pilot.portable.comparison import inputs_of
 from pilot.portable.onnx_export import export_model
 from pilot.portable.onnx_model import load_onnx, onnx_model
 from pilot.portable.resize import integer_weights
@@ -50,6 +51,27 @@ def test_an_exported_network_steers_as_the_original(network: str, frames: Frames
     with torch.inference_mode():
         expected = model.network(torch.from_numpy(frames)).numpy()
     assert np.abs(expected - [onnx_form.predict(frame)[0] for frame in frames]).max() < 1e-5
+
+
+@pytest.mark.parametrize("network", ["pilotnet_ahead", "pilotnet_history", "pilotnet_speed"])
+def test_all_outputs_of_a_network_are_exported(network: str, frames: Frames, tmp_path: Path) -> None:
+    model = model_of(network)
+    (tmp_path / "model.onnx").write_bytes(export_model(model).SerializeToString())
+    original, copy = Driver(model), Driver.load(tmp_path / "model.onnx")
+    assert copy.signature == original.signature == model.network.signature
+    for seen in inputs_of(list(frames), copy.signature):
+        np.testing.assert_allclose(copy.predict(seen), original.predict(seen), atol=1e-5)
+        assert copy(seen).horizons == original(seen).horizons
+        assert (copy(seen).speed is None) == (network != "pilotnet_speed")
+
+
+def test_a_damaged_signature_is_refused(tmp_path: Path) -> None:
+    converted = export_model(model_of("pilotnet_ahead"))
+    [entry] = converted.metadata_props
+    entry.value = entry.value.replace('"horizons": [0.0', '"horizons": ["soon"')
+    (tmp_path / "model.onnx").write_bytes(converted.SerializeToString())
+    with pytest.raises(UnusableModel, match=r"model\.onnx: "):
+        load_onnx(tmp_path / "model.onnx")
 
 
 @pytest.mark.parametrize(("before", "after"), [(320, 200), (65, 66), (76, 128), (320, 128), (100, 31)])
