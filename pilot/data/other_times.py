@@ -46,6 +46,20 @@ def with_other_times(moments: pd.DataFrame, signature: Signature) -> pd.DataFram
     return moments.assign(**added)
 
 
+def require_labels(samples: pd.DataFrame, signature: Signature) -> None:
+    """Check that each output of a network can be learned.
+
+    Raises:
+        ValueError: an output has no label, as in the built-in training data, whose rows are 2.5 s apart.
+    """
+    for name in label_columns(signature):
+        if samples[name].isna().all():
+            raise ValueError(
+                f"no row is followed by others closely enough to know its {name!r}, which the network predicts: use "
+                "recordings of whole drives, such as: python simulator.py record --out data/drives --recoveries 100"
+            )
+
+
 def later(rows: pd.DataFrame, values: "pd.Series[float]", seconds: float) -> Floats:
     """Return the values (n) `seconds` after each of n rows, interpolated; NaN after the end of its segment."""
     found = np.full(len(rows), np.nan)

@@ -18,7 +18,13 @@ import pandas as pd
 from pilot.arrays import Floats
 from pilot.data.driving_log import share_of_each
 from pilot.data.motion import path_steering
-from pilot.data.other_times import image_columns, label_columns, steering_columns, with_other_times
+from pilot.data.other_times import (
+    image_columns,
+    label_columns,
+    require_labels,
+    steering_columns,
+    with_other_times,
+)
 from pilot.data.segments import segment_numbers
 from pilot.pursuit import returned, returning_curvature
 from pilot.signature import STEERING_ONLY, Signature
@@ -103,7 +109,8 @@ def make_samples(
         The tables of the training samples and of the validation samples.
 
     Raises:
-        ValueError: there are too few rows, or recordings, for a training and a validation set.
+        ValueError: there are too few rows, or recordings, for a training and a validation set, or no row has a label
+            of an output of the network.
     """
     rng = np.random.default_rng(seed)
     rows = share_of_each(rows, 0, config.first_part)
@@ -119,6 +126,7 @@ def make_samples(
     if config.balance == "drop-zeros":
         moments = moments[~_surplus_zeros(moments["recorded"], config.drop_zeros, rng) | in_validation]
     training = camera_samples(moments[~in_validation.reindex(moments.index)], config, signature)
+    require_labels(training, signature)
     if config.balance == "spikes":
         validation = drop_spikes(validation, rng)
     return add_copies(balance(training, config, rng), config, rng), validation

@@ -53,6 +53,14 @@ def test_the_speed_of_a_corrected_drive_is_not_learned() -> None:
     assert (found.notna().to_numpy() == [True] * 5 + [False] * 16).all()
 
 
+def test_rows_without_a_next_one_teach_no_plan(recording: Recording) -> None:
+    rows = read_driving_logs([recording(moments=80)]).rows
+    sparse = rows.assign(time=rows["time"].iloc[0] + 2.5 * rows.index)
+    make_samples(sparse, SampleConfig(block_seconds=5), 0)
+    with pytest.raises(ValueError, match="no row is followed by others.*'steering \\+0.1 s'.*simulator.py record"):
+        make_samples(sparse, SampleConfig(block_seconds=5), 0, ALL)
+
+
 def test_a_displaced_car_returns_as_its_labels_say() -> None:
     """The closed form of the return, against small steps of the law itself."""
     for lookahead, left in ((LOOKAHEAD, OFFSET_LEFT), (15.0, 0.0)):
