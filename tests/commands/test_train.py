@@ -76,7 +76,7 @@ def test_fine_tunes_a_model_with_its_own_network(
     tuned = load_model(tmp_path / "model.pt")
     assert tuned.name == "lenet5"
     assert tuned.config["recipe"] == "fine-tune"
-    assert tuned.config["start_share"] == 0.5
+    assert tuned.config["start_share"] == 0.7
     assert "--start-share 0.25" in train("--data", "laps", "--recipe", "real", fails=True)
     assert "nothing.pt" in train("--data", "laps", "--start", "nothing.pt", fails=True)
 
