@@ -294,14 +294,13 @@ def run_together(requests: Sequence[DriveRequest]) -> list[Trajectory]:
     driver = requests[0].driver
     if len(requests) == 1 or not isinstance(driver, ModelPolicy):  # only a model gains by it
         return [run(request) for request in requests]
-    rows = encoded_with(seen_rows(driver))
+    rows, model = encoded_with(seen_rows(driver)), driver.load()
     drives = []
     for request in requests:
         simulator = simulator_at(request)
         picture = functools.partial(_look_at, simulator, rows)
-        signature = driver.load().signature
-        drives.append(driving(simulator.episode, picture, request.conditions, signature, seed=request.start or 0))
-    return drive_together(drives, driver.load().plan_together)
+        drives.append(driving(simulator.episode, picture, request.conditions, model.signature, seed=request.start or 0))
+    return drive_together(drives, model.plan_together)
 
 
 def _look_at(simulator: Simulator, rows: Rows, episode: Episode) -> Frame:
