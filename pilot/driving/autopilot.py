@@ -34,6 +34,7 @@ class Answer:
         telemetry: the message that is answered; None in manual mode and if the message was invalid.
         seconds: s from receiving the telemetry to the answer.
         steerer: who steers, the model or a person.
+        predicted_speed: speed in mph that the model predicts; None: it predicts none.
     """
 
     event: str
@@ -43,6 +44,7 @@ class Answer:
     telemetry: Telemetry | None = None
     seconds: float = 0.0
     steerer: Steerer = "model"
+    predicted_speed: float | None = None
 
 
 MANUAL = Answer("manual", {}, steerer="person")
@@ -128,20 +130,20 @@ class Autopilot:
         self._time = now
         self.delay.see(now, telemetry.steering)
         seen = self._history.add(now, telemetry.frame)
-        person, wanted_speed = self.wheel.command, None
+        person, predicted_speed = self.wheel.command, None
         if person is None:
             plan = as_plan(self._policy(seen))
             steering = self.filter.smooth(plan.at(self.delay.seconds + self.filter.seconds), pause)
-            wanted_speed = plan.speed
+            predicted_speed = plan.speed
         else:
             steering = self.filter.value = person.steering  # from which the model then goes on
         self.delay.send(now, steering)
-        throttle = self.speed.throttle(telemetry.speed, steering, pause, wanted_speed)
+        throttle = self.speed.throttle(telemetry.speed, steering, pause, predicted_speed)
         if person is not None and person.throttle is not None:
             throttle = person.throttle
         message = steer_message(steering, throttle, commas=telemetry.commas)
         steerer: Steerer = "person" if person else "model"
-        return Answer("steer", message, steering, throttle, telemetry, self.clock() - now, steerer)
+        return Answer("steer", message, steering, throttle, telemetry, self.clock() - now, steerer, predicted_speed)
 
 
 class FrameClock:

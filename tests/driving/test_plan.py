@@ -6,6 +6,7 @@ from conftest import picture
 
 from pilot.driving.autopilot import Autopilot
 from pilot.driving.controller import ControllerConfig, SpeedController
+from pilot.driving.dashboard.state import DriveState
 from pilot.driving.loop_delay import LoopDelay
 from pilot.driving.plan import FrameHistory, Plan
 from pilot.driving.telemetry import Telemetry
@@ -83,3 +84,11 @@ def test_the_autopilot_steers_for_when_the_command_takes_effect() -> None:
         leads.append(sent[-1] - wave[number])
     assert leads[0] == 0.0
     assert leads[-1] == pytest.approx(0.04 * 2.5, abs=0.011)
+
+
+def test_the_page_shows_the_predicted_speed_as_the_target() -> None:
+    pilot = Autopilot(lambda _: Plan((0.0,), speed=12.0), ControllerConfig(speed=25.0))
+    state = DriveState(pilot)
+    state.observe(pilot.answer(Telemetry(picture(0), b"", 20.0, 0.0, 0.0, commas=False)))
+    [point] = state.snapshot()["samples"]
+    assert point["set_speed"] == 12.0

@@ -61,7 +61,7 @@ class DriveState:
         return {
             "time": round(now, 3),
             "speed": round(answer.telemetry.speed, 2),
-            "set_speed": round(self.autopilot.speed.target_speed(answer.steering), 2),
+            "set_speed": round(self.autopilot.speed.target_speed(answer.steering, answer.predicted_speed), 2),
             "steering": round(answer.steering, 4),
             "throttle": round(answer.throttle, 3),
             "person": self._steerer == "person",
