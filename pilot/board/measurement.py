@@ -4,7 +4,7 @@ import dataclasses
 import hashlib
 import itertools
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from pilot import process_settings
 from pilot.board.maps import draw_maps
 from pilot.board.points import DrivePoints, judge
 from pilot.board.suite import Suite
-from pilot.evaluation.closed_loop import ModelPolicy, PolicyFactory, expert_policy, run_together
+from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, PolicyFactory, expert_policy, run_together
 from pilot.files import write_atomically
 from pilot.portable.loading import load
 from pilot.simulator.catalogue import load_track
@@ -23,6 +23,8 @@ from pilot.training.plots import save
 from pilot.workers import run_tasks
 
 EXPERT = "expert"
+# drives groups of episodes, each side by side; yields the index and the trajectories of each group when it is done
+Engine = Callable[[Sequence[Sequence[DriveRequest]]], Iterator[tuple[int, list[Trajectory]]]]
 
 
 @dataclass(frozen=True)
@@ -76,8 +78,17 @@ class Result:
     drives: tuple[DrivePoints, ...]
 
 
+def in_processes(jobs: int | None = None) -> Engine:
+    """Return an engine of worker processes of this machine; None: one per core."""
+
+    def run(groups: Sequence[Sequence[DriveRequest]]) -> Iterator[tuple[int, list[Trajectory]]]:
+        return run_tasks(run_together, groups, jobs, process_settings.for_driving)
+
+    return run
+
+
 def measure_all(
-    suite: Suite, contestants: Sequence[Contestant], folder: Path, jobs: int | None = None, *, clips: bool = False
+    suite: Suite, contestants: Sequence[Contestant], folder: Path, engine: Engine, *, clips: bool = False
 ) -> None:
     """Measure drivers, each unless the folder has its result; writes a result and a picture of maps for each.
 
@@ -85,8 +96,8 @@ def measure_all(
         suite: the drives.
         contestants: the drivers.
         folder: of the results.
-        jobs: number of drives in parallel; None: one per core.
-        clips: also make a clip of each drive.
+        engine: drives; `in_processes`, or that of a cluster.
+        clips: also make a clip of each drive, on the machine that drives.
 
     Raises:
         UnusableModel: a model cannot be loaded.
@@ -98,7 +109,7 @@ def measure_all(
         known = read_result(result_file(folder, contestant.name))
         if known and (known.suite, known.model) == (identity, contestant.digest):
             continue
-        trajectories = drive(suite, contestant, jobs, folder if clips else None)
+        trajectories = drive(suite, contestant, engine, folder if clips else None)
         drives = tuple(
             judge(each.title, load_track(each.track), trajectory)
             for each, trajectory in zip(suite.drives, trajectories, strict=True)
@@ -108,7 +119,7 @@ def measure_all(
         write_result(result_file(folder, contestant.name), result)
 
 
-def drive(suite: Suite, contestant: Contestant, jobs: int | None, clips: Path | None) -> list[Trajectory]:
+def drive(suite: Suite, contestant: Contestant, engine: Engine, clips: Path | None) -> list[Trajectory]:
     """Drive all of a suite, with clips if their folder is given; returns the trajectories in its order."""
     requests = [
         each.request(contestant.driver, clip_file(clips, contestant.name, number) if clips else None)
@@ -119,7 +130,7 @@ def drive(suite: Suite, contestant: Contestant, jobs: int | None, clips: Path | 
     groups = [[request] for request in requests] if clips else together
     trajectories: dict[int, list[Trajectory]] = {}
     with tqdm(total=len(requests), desc=contestant.name, unit=" drives", leave=False) as bar:
-        for number, driven in run_tasks(run_together, groups, jobs, process_settings.for_driving):
+        for number, driven in engine(groups):
             trajectories[number] = driven
             bar.update(len(driven))
     return [each for number in range(len(groups)) for each in trajectories[number]]

@@ -15,6 +15,8 @@ from pilot.evaluation.conditions import Conditions, expand_tracks
 from pilot.terminal import show
 
 if TYPE_CHECKING:
+    from pilot.board.measurement import Contestant
+    from pilot.board.suite import Suite
     from pilot.evaluation.closed_loop import PolicyFactory
     from pilot.evaluation.scenarios import Scenario
     from pilot.evaluation.table import Evaluation
@@ -51,6 +53,8 @@ class EvaluationConfig:
     """Drive through drive.py and its socket instead of in this process; the latency is then that of the protocol."""
     jobs: int | None = None
     """Number of processes, which share the episodes and replays. Default: one per core."""
+    dask: str | None = None
+    """With --suite: address of a Dask scheduler, such as tcp://192.168.0.10:8786, whose workers drive."""
     out: Path = Path("evaluation")
     """Folder for scores.json and the figures."""
     video: bool = False
@@ -85,11 +89,20 @@ class EvaluationConfig:
             raise ValueError("--socket: --latency-ms and --lost-frames are for drives without it")
         if EXPERT in self.models and (self.socket or self.recordings):
             raise ValueError("the expert knows the road of the built-in simulator: not with --socket or --recordings")
-        allowed = EvaluationConfig(self.models, suite=self.suite, jobs=self.jobs, out=self.out, video=self.video)
-        if self.suite and self != allowed:
-            raise ValueError("--suite: has its own tracks and conditions; only --jobs, --out and --video go with it")
+        self._check_suite()
         if not 0 < self.last_part <= 1:
             raise ValueError(f"--last-part {self.last_part:g}: must be greater than 0, and at most 1")
+
+    def _check_suite(self) -> None:
+        allowed = EvaluationConfig(
+            self.models, suite=self.suite, jobs=self.jobs, dask=self.dask, out=self.out, video=self.video
+        )
+        if self.suite and self != allowed:
+            raise ValueError(
+                "--suite: has its own tracks and conditions; only --jobs, --dask, --out and --video go with it"
+            )
+        if self.dask and (not self.suite or self.video or self.jobs):
+            raise ValueError("--dask: goes with --suite, and not with --video or --jobs")
 
 
 def default_tracks() -> list[str]:
@@ -139,7 +152,7 @@ def measure(config: EvaluationConfig) -> None:
     Raises:
         ValueError, OSError, RuntimeError: the evaluation is not possible; the message says why and what to do.
     """
-    from pilot.board.measurement import Contestant, measure_all, results_in
+    from pilot.board.measurement import Contestant, results_in
     from pilot.board.page import rank, text_table, write_page
     from pilot.board.suite import SUITES
 
@@ -150,12 +163,29 @@ def measure(config: EvaluationConfig) -> None:
         for name, path in zip(name_paths(config.models), config.models, strict=True)
     ]
     try:
-        measure_all(suite, contestants, config.out, config.jobs, clips=config.video)
+        measure_with(config, suite, contestants)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"what is measured is in {config.out}; the same command continues") from None
     results = list(results_in(config.out, suite))
     show(text_table(suite, rank(results)))
     show(f"page: {write_page(config.out, suite, results)}")
+
+
+def measure_with(config: EvaluationConfig, suite: "Suite", contestants: "Sequence[Contestant]") -> None:
+    """Measure models with the engine that was chosen.
+
+    Raises:
+        ClusterError: the cluster cannot be used.
+        OSError, RuntimeError: as for `measure_all`.
+    """
+    from pilot.board.cluster import Cluster
+    from pilot.board.measurement import in_processes, measure_all
+
+    if config.dask is None:
+        measure_all(suite, contestants, config.out, in_processes(config.jobs), clips=config.video)
+        return
+    with Cluster(config.dask) as cluster:
+        measure_all(suite, contestants, config.out, cluster.run)
 
 
 def track_scenarios(config: EvaluationConfig) -> "list[Scenario]":

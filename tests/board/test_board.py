@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from browser import needs_browser, opened_browser
 
-from pilot.board.measurement import Contestant, Result, measure_all, read_result, result_file, results_in, write_result
+from pilot.board.measurement import (
+    Contestant,
+    Result,
+    in_processes,
+    measure_all,
+    read_result,
+    result_file,
+    results_in,
+    write_result,
+)
 from pilot.board.page import rank, write_page
 from pilot.board.points import DrivePoints, bootstrap, judge, mean_points, paired_p_value, rank_agreement
 from pilot.board.suite import SUITES, Suite
@@ -124,15 +133,15 @@ def test_results_of_another_suite_are_not_shown(tmp_path: Path) -> None:
 def test_a_measurement_is_not_repeated_but_after_a_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     small = Suite("small", tuple(replace(drive, metres=8.0) for drive in V1.drives[:2]), "on short roads")
     expert = Contestant("expert", None)
-    measure_all(small, [expert], tmp_path, jobs=1)
+    measure_all(small, [expert], tmp_path, in_processes(1))
     first = read_result(result_file(tmp_path, "expert"))
     assert first is not None
     assert [drive.interventions for drive in first.drives] == [0, 0]
     assert (tmp_path / "expert.png").stat().st_size > 10_000
     monkeypatch.setattr("pilot.board.measurement.drive", lambda *_: pytest.fail("measured again"))
-    measure_all(small, [expert], tmp_path, jobs=1)
+    measure_all(small, [expert], tmp_path, in_processes(1))
     with pytest.raises(pytest.fail.Exception):
-        measure_all(replace(small, version="other"), [expert], tmp_path, jobs=1)
+        measure_all(replace(small, version="other"), [expert], tmp_path, in_processes(1))
 
 
 def test_rank_by_points() -> None:
