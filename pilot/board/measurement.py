@@ -2,7 +2,6 @@
 
 import dataclasses
 import hashlib
-import itertools
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, PolicyFactor
 from pilot.files import write_atomically
 from pilot.portable.loading import load
 from pilot.simulator.catalogue import load_track
+from pilot.simulator.track import REVERSED
 from pilot.simulator.trajectory import Trajectory
 from pilot.training.plots import save
 from pilot.workers import run_tasks
@@ -125,15 +125,21 @@ def drive(suite: Suite, contestant: Contestant, engine: Engine, clips: Path | No
         each.request(contestant.driver, clip_file(clips, contestant.name, number) if clips else None)
         for number, each in enumerate(suite.drives)
     ]
-    # neighbours on the same road in the same light are driven side by side
-    together = [list(group) for _, group in itertools.groupby(requests, lambda each: (each.track, each.light))]
-    groups = [[request] for request in requests] if clips else together
-    trajectories: dict[int, list[Trajectory]] = {}
+    groups = [[number] for number in range(len(requests))] if clips else in_one_scene(requests)
+    trajectories: dict[int, Trajectory] = {}
     with tqdm(total=len(requests), desc=contestant.name, unit=" drives", leave=False) as bar:
-        for number, driven in engine(groups):
-            trajectories[number] = driven
+        for group, driven in engine([[requests[number] for number in group] for group in groups]):
+            trajectories.update(zip(groups[group], driven, strict=True))
             bar.update(len(driven))
-    return [each for number in range(len(groups)) for each in trajectories[number]]
+    return [trajectories[number] for number in range(len(requests))]
+
+
+def in_one_scene(requests: Sequence[DriveRequest]) -> list[list[int]]:
+    """Return groups of the drives in one scene, which is built once for them; the longest first."""
+    groups: dict[tuple[str, str | None], list[int]] = {}
+    for number, request in enumerate(requests):
+        groups.setdefault((request.track.removesuffix(REVERSED), request.light), []).append(number)
+    return sorted(groups.values(), key=len, reverse=True)
 
 
 # Files

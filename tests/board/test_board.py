@@ -11,6 +11,7 @@ from browser import needs_browser, opened_browser
 from pilot.board.measurement import (
     Contestant,
     Result,
+    in_one_scene,
     in_processes,
     measure_all,
     read_result,
@@ -151,3 +152,12 @@ def test_rank_by_points() -> None:
 def test_a_suite_has_its_own_tracks(capsys: pytest.CaptureFixture[str]) -> None:
     assert evaluate.main(["expert", "--suite", "v1", "--tracks", "lake"]) == 1
     assert "--suite: has its own tracks and conditions" in capsys.readouterr().err
+
+
+def test_a_scene_is_built_once_for_all_its_drives() -> None:
+    requests = [drive.request(Contestant("expert", None).driver) for drive in V1.drives]
+    groups = in_one_scene(requests)
+    assert sorted(number for group in groups for number in group) == list(range(len(requests)))
+    scenes = [{(requests[n].track.removesuffix(" reversed"), requests[n].light) for n in group} for group in groups]
+    assert all(len(scene) == 1 for scene in scenes)
+    assert len({scene.pop() for scene in scenes}) == len(groups) == 36
