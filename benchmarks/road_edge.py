@@ -36,7 +36,7 @@ from pilot.evaluation.replay_road import NETWORK_FILE, distance_label, find_road
 from pilot.simulator.camera_variation import draw_variation
 from pilot.simulator.catalogue import both_ways, file_name
 from pilot.simulator.demonstration import DemonstrationConfig, demonstrate
-from pilot.simulator.demonstrations import DEMONSTRATIONS
+from pilot.simulator.demonstrations import BUILT_IN
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.track import REVERSED
 from pilot.vehicle import SIDE_CAMERA_OFFSET
@@ -44,7 +44,7 @@ from pilot.workers import run_tasks
 
 NAMED_FRAMES = {"lake": 700, "jungle": 1500, "mountain": 400}
 RANDOM_FRAMES = 130
-FRAMES = {track: NAMED_FRAMES.get(track.removesuffix(REVERSED), RANDOM_FRAMES) for track in DEMONSTRATIONS}
+FRAMES = {track: NAMED_FRAMES.get(track.removesuffix(REVERSED), RANDOM_FRAMES) for track in BUILT_IN.tracks}
 HEADINGS = math.radians(7.0)  # standard deviation
 WHEEL_ON_ROAD = 0.3  # metres between the rear axle's middle and the edge, at least
 TRAINING = {

@@ -7,20 +7,22 @@ import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 from tqdm import tqdm
 
 from pilot import cli, process_settings
-from pilot.data.log_format import LOG_NAME
-from pilot.data.steered_by import STEERED_BY
+from pilot.data.folders import DATA, has_own_recordings, with_demonstrations
 from pilot.files import sole_use
 from pilot.terminal import show
 from pilot.training.config import TrainingConfig, config_from_jsonable
 from pilot.training.recipes import RECIPES
 
+if TYPE_CHECKING:
+    from pilot.simulator.demonstrations import DemonstrationSet
+
 PROGRAM = cli.program("model.py")
-BUILT_IN = "built_in"  # subfolder of data/ for the demonstrations of the built-in simulator
 MAY_CHANGE = {"resume", "epochs", "patience", "min_delta", "tensorboard", "device", "cache_gb"}  # options, on --resume
 
 
@@ -55,9 +57,12 @@ def run(config: TrainingConfig) -> None:
     choose_device(config.device)
     check_replaceable(config.out)
     with join_processes() as processes, sole_training(config) if processes.is_main else nullcontext():
-        if processes.is_main and not config.data:
-            record_if_empty(*config.folders)
+        demonstrations = needed_demonstrations(config)
+        if processes.is_main and demonstrations:
+            record_missing(DATA, demonstrations)
         processes.barrier()
+        if demonstrations:
+            config = dataclasses.replace(config, data=with_demonstrations(DATA, demonstrations.folder))
         train(config, processes, process_settings.use_threads)
 
 
@@ -100,30 +105,37 @@ def sole_training(config: TrainingConfig) -> AbstractContextManager[None]:
     )
 
 
-def record_if_empty(folder: Path) -> None:
-    """Record the missing demonstrations of the built-in simulator, unless the folder has recordings of the user.
+def needed_demonstrations(config: TrainingConfig) -> "DemonstrationSet | None":
+    """Return what the built-in simulator demonstrates for a training; None: there are recordings for it."""
+    from pilot.model.networks import network_class
+    from pilot.signature import STEERING_ONLY
+    from pilot.simulator.demonstrations import BUILT_IN, SEQUENCES  # slow to import
+
+    if config.data or has_own_recordings(DATA):
+        return None
+    return BUILT_IN if network_class(config.network).signature == STEERING_ONLY else SEQUENCES
+
+
+def record_missing(folder: Path, demonstrations: "DemonstrationSet") -> None:
+    """Record those demonstrations that are missing in their subfolder of a folder.
 
     Raises:
         OSError: the folder cannot be written to.
+        InUseError: another training is recording them.
     """
-    from pilot.simulator.demonstrations import missing_demonstrations, record_demonstrations  # slow to import
+    from pilot.simulator.demonstrations import record_demonstrations  # slow to import
 
-    built_in = folder / BUILT_IN
-    if not has_own_recordings(folder) and (missing := missing_demonstrations(built_in)):
+    inside = folder / demonstrations.folder
+    if missing := demonstrations.missing(inside):
         show(
             f"There are no recordings in {folder}{os.sep}: the built-in simulator records demonstration laps, normal "
-            f"ones and recoveries, both ways round, into {built_in}{os.sep}"
+            f"ones and recoveries, both ways round, into {inside}{os.sep}"
         )
-        refusal = f"{built_in}{os.sep}: another training is recording there. Wait until it trains, then start again"
-        with sole_use(folder / f".{BUILT_IN}.lock", refusal):
-            for _ in tqdm(record_demonstrations(built_in, missing), "recording", len(missing), unit=" tracks"):
+        refusal = f"{inside}{os.sep}: another training is recording there. Wait until it trains, then start again"
+        tracks = [(track, demonstrations.tracks[track]) for track in missing]
+        with sole_use(folder / f".{demonstrations.folder}.lock", refusal):
+            for _ in tqdm(record_demonstrations(inside, tracks), "recording", len(missing), unit=" tracks"):
                 pass
-
-
-def has_own_recordings(folder: Path) -> bool:
-    """Return whether a folder contains recordings other than built-in demonstrations, and corrections of a model."""
-    logs = (log for log in folder.rglob(LOG_NAME) if not (log.parent / STEERED_BY).exists())
-    return any(folder / BUILT_IN not in log.parents for log in logs)
 
 
 # Options
@@ -147,7 +159,7 @@ def parse_options(arguments: Sequence[str]) -> TrainingConfig:
     first, _ = early.parse_known_args(arguments)
     if first.resume:
         return _resumed_options(arguments, first.out)
-    own = first.data or has_own_recordings(*TrainingConfig().folders)
+    own = first.data or has_own_recordings(DATA)
     recipe = first.recipe or ("built-in" if not own else "fine-tune" if first.start else "default")
     if recipe not in RECIPES:
         raise ValueError(f"--recipe {recipe}: there are {', '.join(RECIPES)}")

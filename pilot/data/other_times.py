@@ -56,7 +56,7 @@ def require_labels(samples: pd.DataFrame, signature: Signature) -> None:
         if samples[name].isna().all():
             raise ValueError(
                 f"no row is followed by others closely enough to know its {name!r}, which the network predicts: use "
-                "recordings of whole drives, such as: python simulator.py record --out data/drives --recoveries 100"
+                "recordings of whole drives. Without --data and own recordings, model.py makes them"
             )
 
 

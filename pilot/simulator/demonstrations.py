@@ -2,13 +2,14 @@
 
 import functools
 import shutil
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from pilot import process_settings
+from pilot.data import folders
 from pilot.data.log_format import LOG_NAME
 from pilot.data.recording_writer import RecordingWriter
 from pilot.files import unwritable
@@ -20,8 +21,6 @@ from pilot.simulator.track import REVERSED
 from pilot.vehicle import CAMERAS
 from pilot.workers import run_tasks
 
-# The built-in training data, used if there are no recordings by a person: named tracks in both directions, random
-# tracks alternately in one and the other.
 # No wandering, so that the steering depends only on what the image shows; recoveries show how to return to the lane.
 # Many different rows in little time: the centre camera only, and so few rows per second that a recovery consists of
 # the row at its start, because two rows of one recovery teach less than those of two recoveries.
@@ -29,11 +28,50 @@ NAMED_TRACKS = DemonstrationConfig(laps=4, recoveries=500, rate=0.4, line_spread
 # The longest track, with two lanes and the most bends.
 JUNGLE = replace(NAMED_TRACKS, laps=6, recoveries=1200, line_spread=0.3)
 RANDOM_TRACKS = replace(NAMED_TRACKS, laps=1, recoveries=130, line_spread=0.3, vary_cameras=True)
-DEMONSTRATIONS: dict[str, DemonstrationConfig] = {
-    **dict.fromkeys(both_ways(track_names()), NAMED_TRACKS),
-    **dict.fromkeys(both_ways(["jungle"]), JUNGLE),
-    **{f"random:{seed}" + REVERSED * (seed % 2): RANDOM_TRACKS for seed in range(1000, 1130)},
-}
+FIRST_RANDOM = 1000  # seed
+
+
+@dataclass(frozen=True)
+class DemonstrationSet:
+    """Recordings of the expert that a training makes where there are none by a person.
+
+    Attributes:
+        folder: name of their subfolder of data/.
+        tracks: what is demonstrated, by track.
+    """
+
+    folder: str
+    tracks: Mapping[str, DemonstrationConfig]
+
+    def missing(self, folder: Path) -> list[str]:
+        """Return the tracks of which a folder has no recording yet."""
+        return [track for track in self.tracks if not (folder / file_name(track) / LOG_NAME).exists()]
+
+
+def _on_tracks(
+    named: DemonstrationConfig, jungle: DemonstrationConfig, random: DemonstrationConfig, roads: int
+) -> dict[str, DemonstrationConfig]:
+    """Return what is demonstrated on the named tracks in both directions, and on random ones alternately."""
+    return {
+        **dict.fromkeys(both_ways(track_names()), named),
+        **dict.fromkeys(both_ways(["jungle"]), jungle),
+        **{f"random:{FIRST_RANDOM + road}" + REVERSED * (road % 2): random for road in range(roads)},
+    }
+
+
+BUILT_IN = DemonstrationSet(folders.BUILT_IN, _on_tracks(NAMED_TRACKS, JUNGLE, RANDOM_TRACKS, 130))
+# Whole drives, for networks that see earlier frames or predict what comes later: rows 0.2 s apart, of which a recovery
+# has about twelve. These are more rows, from fewer places.
+_named = replace(NAMED_TRACKS, rate=5.0, laps=1, recoveries=150)
+SEQUENCES = DemonstrationSet(
+    folders.SEQUENCES,
+    _on_tracks(
+        _named,
+        replace(_named, line_spread=JUNGLE.line_spread),
+        replace(RANDOM_TRACKS, rate=5.0, recoveries=60),
+        40,
+    ),
+)
 
 
 def record(
@@ -76,13 +114,8 @@ def record(
             return writer.rows
 
 
-def missing_demonstrations(folder: Path) -> list[str]:
-    """Return the tracks of DEMONSTRATIONS that a folder has no recording of yet."""
-    return [track for track in DEMONSTRATIONS if not (folder / file_name(track) / LOG_NAME).exists()]
-
-
-def record_demonstrations(folder: Path, tracks: Sequence[str]) -> Iterator[str]:
-    """Record tracks of DEMONSTRATIONS into a folder in parallel, one worker process per core.
+def record_demonstrations(folder: Path, tracks: Sequence[tuple[str, DemonstrationConfig]]) -> Iterator[str]:
+    """Record tracks into a folder in parallel, one worker process per core.
 
     Each recording is written atomically: an interrupted one is not left behind under its final name.
 
@@ -94,14 +127,15 @@ def record_demonstrations(folder: Path, tracks: Sequence[str]) -> Iterator[str]:
         WorkerKilledError: a worker process was killed.
     """
     for number, _ in run_tasks(functools.partial(_record_whole, folder), tracks, None, process_settings.for_images):
-        yield tracks[number]
+        yield tracks[number][0]
 
 
-def _record_whole(folder: Path, track: str) -> None:
+def _record_whole(folder: Path, task: tuple[str, DemonstrationConfig]) -> None:
+    track, config = task
     final, unfinished = folder / file_name(track), folder / f".{file_name(track)}.part"
     shutil.rmtree(unfinished, ignore_errors=True)
-    record(track, DEMONSTRATIONS[track], unfinished, listed_as=final)
-    shutil.rmtree(final, ignore_errors=True)  # exists only without a driving log, see `missing_demonstrations`
+    record(track, config, unfinished, listed_as=final)
+    shutil.rmtree(final, ignore_errors=True)  # exists only without a driving log, see `DemonstrationSet.missing`
     try:
         unfinished.rename(final)
     except OSError as error:

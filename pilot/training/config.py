@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from pilot.data.augment import AugmentConfig
+from pilot.data.folders import DATA
 from pilot.data.samples import SampleConfig
 from pilot.model.networks import network_names
 
@@ -144,7 +145,7 @@ class TrainingConfig:
     @property
     def folders(self) -> tuple[Path, ...]:
         """Recordings, or folders of recordings, to read."""
-        return self.data or (Path("data"),)
+        return self.data or (DATA,)
 
     @property
     def report(self) -> Path:

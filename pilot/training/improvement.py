@@ -13,6 +13,7 @@ import tyro
 from tqdm import tqdm
 
 from pilot import process_settings
+from pilot.data import folders
 from pilot.data.driving_log import DrivingLog, read_driving_logs
 from pilot.driving.controller import ControllerConfig
 from pilot.evaluation.conditions import Conditions
@@ -52,7 +53,7 @@ class ImproveConfig:
     """Tracks on which to improve, such as jungle or "jungle reversed". Default: ever new random roads."""
     data: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction] = ()
     """Recordings that the model learned from, or folders of them, of which it sees as many rows as of corrections, so
-    that it does not forget. Default: data/built_in, if it is there."""
+    that it does not forget. Default: the demonstrations in data/, if there are any."""
     speed: float = 30.0
     """Target speed in mph."""
     seed: int = 0
@@ -85,8 +86,7 @@ class ImproveConfig:
     @property
     def before(self) -> tuple[Path, ...]:
         """Recordings that the model learned from."""
-        built_in = Path("data/built_in")
-        return self.data or ((built_in,) if built_in.is_dir() else ())
+        return self.data or tuple(each for each in map(folders.DATA.joinpath, folders.DEMONSTRATIONS) if each.is_dir())
 
 
 def improve(config: ImproveConfig, set_up: Callable[[int], None], collect: "Collect | None" = None) -> None:

@@ -18,6 +18,7 @@ from pilot.commands import train as train_command
 from pilot.files import InUseError, sole_use
 from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, load_model, save_model
+from pilot.simulator.demonstrations import BUILT_IN
 from pilot.training.report import History
 
 SMALL = ["--network", "pilotnet", "--samples.block-seconds", "1", "--batch-size", "32", "--augment.viewpoint", "0"]
@@ -190,7 +191,7 @@ def test_without_a_recording_where_one_should_be_it_says_what_to_do(tmp_path: Pa
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--recipe", "resnet"], "there are default, built-in, nvidia-rotations"),
+        (["--recipe", "resnet"], "there are default, built-in, sequences, nvidia-rotations"),
         (["--epochs", "0"], "--epochs 0: must be greater than 0"),
         (["--cache-gb", "inf"], "--cache-gb inf: must not be negative, and finite"),
         (["--samples.balance", "cap", "--samples.cap", "inf"], "--samples.cap inf: must be greater than 0, and finite"),
@@ -242,7 +243,7 @@ def test_help_explains_every_option() -> None:
 
 def test_two_trainings_do_not_record_the_same_demonstrations(tmp_path: Path) -> None:
     with sole_use(tmp_path / ".built_in.lock", ""), pytest.raises(InUseError, match="another training is recording"):
-        train_command.record_if_empty(tmp_path)
+        train_command.record_missing(tmp_path, BUILT_IN)
 
 
 def test_a_history_that_cannot_be_written_does_not_end_the_training(

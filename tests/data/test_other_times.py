@@ -57,7 +57,7 @@ def test_rows_without_a_next_one_teach_no_plan(recording: Recording) -> None:
     rows = read_driving_logs([recording(moments=80)]).rows
     sparse = rows.assign(time=rows["time"].iloc[0] + 2.5 * rows.index)
     make_samples(sparse, SampleConfig(block_seconds=5), 0)
-    with pytest.raises(ValueError, match="no row is followed by others.*'steering \\+0.1 s'.*simulator.py record"):
+    with pytest.raises(ValueError, match="no row is followed by others.*'steering \\+0.1 s'.*Without --data"):
         make_samples(sparse, SampleConfig(block_seconds=5), 0, ALL)
 
 

@@ -15,11 +15,14 @@ from conftest import REPOSITORY
 
 from pilot.commands import train as train_command
 from pilot.data.driving_log import read_driving_logs
+from pilot.data.folders import with_demonstrations
 from pilot.data.frames import decode_frame, encode_frame
 from pilot.data.log_format import LOG_NAME
 from pilot.data.segments import segment_numbers
+from pilot.data.steered_by import STEERED_BY
 from pilot.simulator import demonstrations
 from pilot.simulator.demonstration import DemonstrationConfig
+from pilot.simulator.demonstrations import DemonstrationSet
 from pilot.simulator.simulator import Simulator
 from pilot.training.config import TrainingConfig
 
@@ -154,48 +157,59 @@ def test_the_command_refuses_in_a_sentence(arguments: list[str], tmp_path: Path)
 # The demonstration that `python model.py` records where there is nothing
 
 
+SMALL = DemonstrationSet("built_in", {"lake": SHORT, "random:5 reversed": SHORT})
+
+
 @pytest.fixture
-def small_demonstration(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(demonstrations, "DEMONSTRATIONS", {"lake": SHORT, "random:5 reversed": SHORT})
-
-    def one_by_one(folder: Path, tracks: list[str]) -> Iterable[str]:  # the other processes know the large one only
-        return (demonstrations._record_whole(folder, track) for track in tracks)
-
-    monkeypatch.setattr(demonstrations, "record_demonstrations", one_by_one)
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(demonstrations, "run_tasks", lambda do, tasks, *_: enumerate(map(do, tasks)))
 
 
-@pytest.mark.usefixtures("small_demonstration")
+@pytest.mark.usefixtures("in_this_process")
 def test_an_empty_folder_gets_a_demonstration_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    train_command.record_if_empty(tmp_path / "data")
+    train_command.record_missing(tmp_path / "data", SMALL)
     assert "the built-in simulator records demonstration laps" in capsys.readouterr().out
     logs = sorted((tmp_path / "data").rglob(LOG_NAME))
     assert [log.parent.name for log in logs] == ["lake", "random-5-reversed"]
     assert Path(logs[0].read_text().split(",")[0]).exists()  # the log names the final place
-    train_command.record_if_empty(tmp_path / "data")
+    train_command.record_missing(tmp_path / "data", SMALL)
     assert capsys.readouterr().out == ""
     assert TrainingConfig().folders == (Path("data"),)
 
 
-@pytest.mark.usefixtures("small_demonstration")
+@pytest.mark.usefixtures("in_this_process")
 def test_an_interrupted_demonstration_goes_on_and_is_never_half(tmp_path: Path) -> None:
-    demonstrations._record_whole(tmp_path / "data" / "built_in", "lake")
+    demonstrations._record_whole(tmp_path / "data" / "built_in", ("lake", SHORT))
     before = (tmp_path / "data" / "built_in" / "lake" / LOG_NAME).read_bytes()
     leftover = tmp_path / "data" / "built_in" / ".random-5-reversed.part"
     (leftover / "IMG").mkdir(parents=True)
     (leftover / LOG_NAME).write_text("half a")
-    train_command.record_if_empty(tmp_path / "data")
+    train_command.record_missing(tmp_path / "data", SMALL)
     assert (tmp_path / "data" / "built_in" / "lake" / LOG_NAME).read_bytes() == before
     assert not leftover.exists()
     assert len(read_driving_logs([tmp_path / "data"], quiet).recordings) == 2
 
 
-@pytest.mark.usefixtures("small_demonstration")
-def test_a_users_own_laps_are_not_added_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_demonstrations_are_made_only_where_there_are_none_of_a_person(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
+
+    def needed(*words: str) -> DemonstrationSet | None:
+        return train_command.needed_demonstrations(train_command.parse_options(words))
+
     assert train_command.parse_options([]).recipe == "built-in"
+    assert needed() is demonstrations.BUILT_IN
+    assert needed("--network", "pilotnet_history") is demonstrations.SEQUENCES  # it sees earlier frames
+    for name in ("built_in", "built_in_sequences", "corrections"):
+        demonstrations.record("lake", SHORT, tmp_path / "data" / name / "lake")
+    (tmp_path / "data" / "corrections" / "lake" / STEERED_BY).write_text("")
+    (tmp_path / "data" / "empty").mkdir()
+    used = with_demonstrations(Path("data"), demonstrations.SEQUENCES.folder)
+    assert used == (Path("data/built_in_sequences"), Path("data/corrections"))
+    assert needed() is demonstrations.BUILT_IN
     demonstrations.record("lake", SHORT, tmp_path / "data" / "mine")
-    train_command.record_if_empty(Path("data"))
-    assert not (tmp_path / "data" / "built_in").exists()
+    assert needed() is None
     assert train_command.parse_options([]).recipe == "default"
 
 
