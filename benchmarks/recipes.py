@@ -1,0 +1,114 @@
+"""The board of this project's recipes and networks: each trained several times on the same laps, and measured.
+
+    python benchmarks/recipes.py [--seeds 3] [--suite v1] [--out recipes] [--only NAME...]
+
+The laps are what a person records in half an hour: one of lake, jungle and mountain in each direction, by a driver who
+wanders by 0.3 m, and 20 recoveries each. The students' recipes have a network each; all networks are also trained by the
+default recipe. Recordings, models and results are kept in --out and are not made again, so that a long run can be interrupted and
+continued; board/board.html in it is the page.
+"""
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from pilot import process_settings
+from pilot.board.measurement import Contestant, Result, in_processes, measure_all, results_in
+from pilot.board.page import text_table, write_page
+from pilot.board.points import mean_points, rank_agreement
+from pilot.board.suite import SUITES, Suite
+from pilot.data.log_format import LOG_NAME
+from pilot.simulator.catalogue import both_ways, file_name
+from pilot.simulator.demonstration import DemonstrationConfig
+from pilot.simulator.demonstrations import record
+
+REPOSITORY = Path(__file__).parents[1]
+LAPS = DemonstrationConfig(laps=1, recoveries=20, rate=1.0, wander=0.3)
+TRACKS = both_ways(["lake", "jungle", "mountain"])
+# options of model.py by name in the table; networks that see or predict more than now need more rows a second
+WAYS = {
+    name: ("--recipe", name)
+    for name in (
+        "default",
+        "built-in",
+        "nvidia-rotations",
+        "nvidia-rotations-no-l2",
+        "lenet5-rotations",
+        "lenet-drop-zeros",
+        "nvidia-drop-zeros",
+        "simplenet-spikes",
+        "densenet-spikes",
+    )
+} | {
+    f"default-{name}": ("--recipe", "default", "--network", name)
+    for name in ("pilotnet_standardised", "nvidia", "lenet5", "lenet", "simplenet", "densenet")
+}
+
+
+def record_laps(folder: Path) -> None:
+    """Record the laps that are missing in a folder."""
+    for track in tqdm(TRACKS, "recording", unit=" tracks", leave=False):
+        if not (folder / file_name(track) / LOG_NAME).exists():
+            unfinished = folder / f".{file_name(track)}"
+            record(track, LAPS, unfinished, listed_as=folder / file_name(track))
+            unfinished.rename(folder / file_name(track))
+
+
+def train(way: str, seed: int, data: Path, out: Path) -> Path:
+    """Train a model unless it exists; returns its path."""
+    model = out / f"{way}-{seed}.pt"
+    if not model.exists():
+        words = [*WAYS[way], "--seed", str(seed), "--data", str(data), "--out", str(model)]
+        subprocess.run([sys.executable, str(REPOSITORY / "model.py"), *words], check=True)
+    return model
+
+
+def print_board(suite: Suite, results: list[Result]) -> None:
+    """Print a line for each way with the figures of its seeds, the best first, and the agreement of the halves."""
+    by_way: dict[str, list[Result]] = {}
+    for result in results:
+        by_way.setdefault(result.name.rpartition("-")[0] or result.name, []).append(result)
+    points = {way: [mean_points(each.drives) for each in found] for way, found in by_way.items()}
+    print(f"{'':32} {'points':>6} {'of each seed':20} {'interventions':20} {'mph':>5}")
+    for way in sorted(points, key=lambda each: -float(np.mean(points[each]))):
+        found = by_way[way]
+        interventions = ", ".join(str(sum(drive.interventions for drive in each.drives)) for each in found)
+        speed = np.mean([drive.speed for each in found for drive in each.drives])
+        each_seed = ", ".join(f"{value:.1f}" for value in points[way])
+        print(f"{way:32} {np.mean(points[way]):6.1f} {each_seed:20} {interventions:20} {speed:5.1f}")
+    halves = [drive.half for drive in suite.drives]
+    print(f"rank agreement of the halves: {rank_agreement([each.drives for each in results], halves):.2f}")
+
+
+def main() -> None:
+    """Record, train and measure what is missing, and print the board."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--suite", choices=SUITES, default="v1")
+    parser.add_argument("--out", type=Path, default=Path("recipes"))
+    parser.add_argument("--only", nargs="+", choices=WAYS, default=list(WAYS))
+    parser.add_argument("--beside", type=Path, nargs="*", default=[], help="other models to measure")
+    options = parser.parse_args()
+    process_settings.for_driving()
+    suite, board = SUITES[options.suite], options.out / "board"
+    board.mkdir(parents=True, exist_ok=True)
+    record_laps(options.out / "laps")
+    for seed in range(options.seeds):
+        for way in options.only:
+            model = train(way, seed, options.out / "laps", options.out)
+            measure_all(suite, [Contestant(model.stem, model)], board, in_processes())
+    measure_all(suite, [Contestant(model.stem, model) for model in options.beside], board, in_processes())
+    results = list(results_in(board, suite))
+    print(text_table(suite, results))
+    print_board(suite, results)
+    print(f"page: {write_page(board, suite, results)}")
+
+
+if __name__ == "__main__":
+    main()
