@@ -3,9 +3,9 @@
     python benchmarks/recipes.py [--seeds 3] [--suite v1] [--out recipes] [--only NAME...]
 
 The laps are what a person records in half an hour: one of lake, jungle and mountain in each direction, by a driver who
-wanders by 0.3 m, and 20 recoveries each. The students' recipes have a network each; all networks are also trained by the
-default recipe. Recordings, models and results are kept in --out and are not made again, so that a long run can be interrupted and
-continued; board/board.html in it is the page.
+wanders by 0.3 m, and 20 recoveries each. The students' recipes have a network each; all networks are also trained by
+the default recipe. Recordings, models and results are kept in --out and are not made again, so that a long run can be
+interrupted and continued; board/board.html in it is the page.
 """
 
 import argparse
