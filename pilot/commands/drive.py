@@ -112,6 +112,8 @@ def serve(config: ServeConfig) -> None:
 
 def report(session: "DriveSession") -> list[str]:
     """Return lines about what was recorded, and what can be done with it."""
+    from pilot.portable.onnx_model import SUFFIX  # slow to import
+
     lines = [
         f"{recorder.frames} frames in {recorder.folder}. For a clip: python video.py {recorder.folder}"
         for recorder in session.recordings
@@ -119,10 +121,10 @@ def report(session: "DriveSession") -> list[str]:
     corrections = session.corrections
     if corrections and corrections.folder:
         plural = "" if corrections.number == 1 else "s"
+        start = session.path if session.path.suffix != SUFFIX else "MODEL_BEFORE_EXPORT.pt"
         lines.append(
             f"{corrections.number} correction{plural} in {corrections.folder}. To learn from them: python model.py "
-            f"--recipe {session.recipe} --start {session.path} --data {corrections.parent} --data RECORDINGS_BEFORE "
-            "--out corrected.pt"
+            f"--recipe {session.recipe} --start {start} --data {corrections.parent} --data RECORDINGS_BEFORE --out corrected.pt"
         )
     return lines
 

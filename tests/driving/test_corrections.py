@@ -4,12 +4,14 @@ import signal
 import time
 from datetime import datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from conftest import picture
 from serving import IMAGE, Server, driven, post, steers
 from wire import telemetry
 
+from pilot.commands.drive import report
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import encode_frame
 from pilot.data.steered_by import read_steered_by
@@ -133,3 +135,14 @@ def test_nothing_of_a_correction_is_lost_when_drive_py_ends(tmp_path: Path, end:
     assert images == set(read_steered_by(folder))
     if end == signal.SIGINT:
         assert "1 correction in data/corrections" in server.folder.joinpath("drive.log").read_text()
+
+
+def test_the_command_to_learn_from_corrections_starts_from_a_model_that_can_be_trained(tmp_path: Path) -> None:
+    corrections = SimpleNamespace(number=1, folder=tmp_path / "now", parent=tmp_path)
+
+    def says(path: str) -> str:
+        session = SimpleNamespace(recordings=[], corrections=corrections, recipe="corrections", path=Path(path))
+        return "".join(report(session))
+
+    assert "--start model.pt --data" in says("model.pt")
+    assert "--start MODEL_BEFORE_EXPORT.pt --data" in says("model.onnx")
