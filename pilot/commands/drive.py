@@ -124,7 +124,8 @@ def report(session: "DriveSession") -> list[str]:
         start = session.path if session.path.suffix != SUFFIX else "MODEL_BEFORE_EXPORT.pt"
         lines.append(
             f"{corrections.number} correction{plural} in {corrections.folder}. To learn from them: python model.py "
-            f"--recipe {session.recipe} --start {start} --data {corrections.parent} --data RECORDINGS_BEFORE --out corrected.pt"
+            f"--recipe {session.recipe} --start {start} --data {corrections.parent} --data RECORDINGS_BEFORE "
+            "--out corrected.pt"
         )
     return lines
 
