@@ -15,6 +15,7 @@ COUNTS = {
     "pilotnet_standardised": 260_039,
     "pilotnet_speed": 260_050,
     "pilotnet_ahead": 260_094,
+    "pilotnet_plan": 260_105,
     "pilotnet_history": 261_239,
     "lenet": 723_091,
     "simplenet": 183_683,

@@ -53,7 +53,7 @@ def test_an_exported_network_steers_as_the_original(network: str, frames: Frames
     assert np.abs(expected - [onnx_form.predict(frame)[0] for frame in frames]).max() < 1e-5
 
 
-@pytest.mark.parametrize("network", ["pilotnet_ahead", "pilotnet_history", "pilotnet_speed"])
+@pytest.mark.parametrize("network", ["pilotnet_ahead", "pilotnet_history", "pilotnet_plan", "pilotnet_speed"])
 def test_all_outputs_of_a_network_are_exported(network: str, frames: Frames, tmp_path: Path) -> None:
     model = model_of(network)
     (tmp_path / "model.onnx").write_bytes(export_model(model).SerializeToString())
