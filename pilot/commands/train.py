@@ -58,11 +58,13 @@ def run(config: TrainingConfig) -> None:
     check_replaceable(config.out)
     with join_processes() as processes, sole_training(config) if processes.is_main else nullcontext():
         demonstrations = needed_demonstrations(config)
-        if processes.is_main and demonstrations:
-            record_missing(DATA, demonstrations)
+        if processes.is_main:
+            for each in demonstrations:
+                record_missing(DATA, each)
         processes.barrier()
         if demonstrations:
-            config = dataclasses.replace(config, data=with_demonstrations(DATA, demonstrations.folder))
+            used = with_demonstrations(DATA, [each.folder for each in demonstrations])
+            config = dataclasses.replace(config, data=used)
         train(config, processes, process_settings.use_threads)
 
 
@@ -105,15 +107,15 @@ def sole_training(config: TrainingConfig) -> AbstractContextManager[None]:
     )
 
 
-def needed_demonstrations(config: TrainingConfig) -> "DemonstrationSet | None":
-    """Return what the built-in simulator demonstrates for a training; None: there are recordings for it."""
+def needed_demonstrations(config: TrainingConfig) -> "list[DemonstrationSet]":
+    """Return what the built-in simulator demonstrates for a training: nothing if there are recordings for it."""
     from pilot.model.networks import network_class
     from pilot.signature import STEERING_ONLY
     from pilot.simulator.demonstrations import BUILT_IN, SEQUENCES  # slow to import
 
     if config.data or has_own_recordings(DATA):
-        return None
-    return BUILT_IN if network_class(config.network).signature == STEERING_ONLY else SEQUENCES
+        return []
+    return [BUILT_IN] if network_class(config.network).signature == STEERING_ONLY else [BUILT_IN, SEQUENCES]
 
 
 def record_missing(folder: Path, demonstrations: "DemonstrationSet") -> None:

@@ -1,13 +1,14 @@
 """The folders in data/: recordings by a person, corrections of a model, and the built-in simulator's demonstrations."""
 
+from collections.abc import Collection
 from pathlib import Path
 
 from pilot.data.log_format import LOG_NAME
 from pilot.data.steered_by import STEERED_BY
 
 DATA = Path("data")
-BUILT_IN = "built_in"  # demonstrations for most networks
-SEQUENCES = "built_in_sequences"  # for networks that see earlier frames or predict what comes later
+BUILT_IN = "built_in"  # demonstrations
+SEQUENCES = "built_in_sequences"  # more of them, for networks that see earlier frames or predict what comes later
 DEMONSTRATIONS = (BUILT_IN, SEQUENCES)
 
 
@@ -18,7 +19,7 @@ def has_own_recordings(folder: Path) -> bool:
     return any(demonstrations.isdisjoint(log.parents) for log in logs)
 
 
-def with_demonstrations(folder: Path, name: str) -> tuple[Path, ...]:
+def with_demonstrations(folder: Path, names: Collection[str]) -> tuple[Path, ...]:
     """Return the folders to learn from in one without own recordings: those demonstrations, and all corrections."""
-    others = {folder / other for other in DEMONSTRATIONS if other != name}
+    others = {folder / other for other in DEMONSTRATIONS if other not in names}
     return tuple(sorted(each for each in folder.iterdir() if each not in others and any(each.rglob(LOG_NAME))))

@@ -14,6 +14,7 @@ import pytest
 from conftest import REPOSITORY
 
 from pilot.commands import train as train_command
+from pilot.data import folders
 from pilot.data.driving_log import read_driving_logs
 from pilot.data.folders import with_demonstrations
 from pilot.data.frames import decode_frame, encode_frame
@@ -195,21 +196,23 @@ def test_demonstrations_are_made_only_where_there_are_none_of_a_person(
 ) -> None:
     monkeypatch.chdir(tmp_path)
 
-    def needed(*words: str) -> DemonstrationSet | None:
+    def needed(*words: str) -> list[DemonstrationSet]:
         return train_command.needed_demonstrations(train_command.parse_options(words))
 
     assert train_command.parse_options([]).recipe == "built-in"
-    assert needed() is demonstrations.BUILT_IN
-    assert needed("--network", "pilotnet_history") is demonstrations.SEQUENCES  # it sees earlier frames
+    assert needed() == [demonstrations.BUILT_IN]
+    both = [demonstrations.BUILT_IN, demonstrations.SEQUENCES]
+    assert needed("--network", "pilotnet_history") == needed("--recipe", "sequences") == both
     for name in ("built_in", "built_in_sequences", "corrections"):
         demonstrations.record("lake", SHORT, tmp_path / "data" / name / "lake")
     (tmp_path / "data" / "corrections" / "lake" / STEERED_BY).write_text("")
     (tmp_path / "data" / "empty").mkdir()
-    used = with_demonstrations(Path("data"), demonstrations.SEQUENCES.folder)
-    assert used == (Path("data/built_in_sequences"), Path("data/corrections"))
-    assert needed() is demonstrations.BUILT_IN
+    used = with_demonstrations(Path("data"), ["built_in"])
+    assert used == (Path("data/built_in"), Path("data/corrections"))
+    assert len(with_demonstrations(Path("data"), folders.DEMONSTRATIONS)) == 3
+    assert needed() == [demonstrations.BUILT_IN]
     demonstrations.record("lake", SHORT, tmp_path / "data" / "mine")
-    assert needed() is None
+    assert needed() == []
     assert train_command.parse_options([]).recipe == "default"
 
 
