@@ -90,7 +90,7 @@ _BUILT_IN = TrainingConfig(
     samples=SampleConfig(side_rule="pursuit", validation_share=0.1),
     augment=AugmentConfig(flip=0, brightness=0, shadow=0, viewpoint_lookahead=None, saturation=0.25),
 )
-# The same for networks that see earlier frames or predict what comes later; they learn from whole drives too: more rows.
+# The same for networks that see earlier frames or predict what comes later, from whole drives too, which are more rows.
 _SEQUENCES = replace(_BUILT_IN, recipe="sequences", network="pilotnet_plan", epochs=5)
 # For recordings of people in the Unity simulator, from the weights of models/built_in.pt. People drive anywhere on the
 # road, so that networks trained by them alone hardly return to its middle; averaged with the weights of the model that
