@@ -6,6 +6,7 @@ Units are metres, radians and 1/m; positive to the right.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,42 +17,38 @@ RETURN = 10.0  # distance within which an offset from the path decays to 1/e
 OFFSET_LEFT = math.exp(-LOOKAHEAD / RETURN)  # share of an offset from the path that is left at the point to steer for
 
 
-def returning_curvature(
-    curvature: float | Floats,
-    offset: float | Floats,
-    heading: float | Floats,
-    lookahead: float | Floats = LOOKAHEAD,
-    offset_left: float = OFFSET_LEFT,
-) -> Floats:
-    """Return the curvature that returns to a path of a curvature, from an offset and a heading relative to it.
+@dataclass(frozen=True)
+class PurePursuit:
+    """The law by which a car returns to a path.
 
-    Args:
-        curvature: of the path.
-        offset, heading: of the car relative to the path.
-        lookahead: distance along the path of the point to steer for.
-        offset_left: share of the offset that this point still has.
+    Attributes:
+        lookahead: distance along the path of the point to steer for; a number, or an array of n for n cars.
+        offset_left: share of the offset from the path that this point still has.
     """
-    return np.asarray(curvature - 2 * (offset * (1 - offset_left) + lookahead * heading) / lookahead**2)
+
+    lookahead: float | Floats = LOOKAHEAD
+    offset_left: float = OFFSET_LEFT
+
+    def curvature(self, path: float | Floats, offset: float | Floats, heading: float | Floats) -> Floats:
+        """Return the curvature that returns to a path of a curvature, from an offset and a heading relative to it."""
+        missing = offset * (1 - self.offset_left) + self.lookahead * heading
+        return np.asarray(path - 2 * missing / self.lookahead**2)
+
+    def after(self, metres: float | Floats, offset: float | Floats, heading: float | Floats) -> tuple[Floats, Floats]:
+        """Return offset and heading relative to the path after some metres of the return.
+
+        It is a damped oscillation, because the offset's second derivative is the difference of the curvatures. For
+        negative `metres`, the car is taken to have come straight.
+        """
+        metres = np.asarray(metres, float)
+        way = np.maximum(metres, 0) / self.lookahead
+        frequency = math.sqrt(1 - 2 * self.offset_left)
+        along = offset + self.lookahead * heading
+        decay, cosine, sine = np.exp(-way), np.cos(frequency * way), np.sin(frequency * way)
+        later_offset = decay * (offset * cosine + along * sine / frequency)
+        turned = (offset * frequency + along / frequency) * sine / self.lookahead
+        later_heading = decay * (heading * cosine - turned)
+        return np.asarray(later_offset + np.minimum(metres, 0) * heading), np.asarray(later_heading)
 
 
-def returned(
-    offset: float | Floats,
-    heading: float | Floats,
-    metres: float | Floats,
-    lookahead: float | Floats = LOOKAHEAD,
-    offset_left: float = OFFSET_LEFT,
-) -> tuple[Floats, Floats]:
-    """Return offset and heading relative to the path after some metres of the return by `returning_curvature`.
-
-    It is a damped oscillation, because the offset's second derivative is the difference of the curvatures. For negative
-    `metres`, the car is taken to have come straight.
-    """
-    metres = np.asarray(metres, float)
-    way = np.maximum(metres, 0) / lookahead
-    frequency = math.sqrt(1 - 2 * offset_left)
-    along = offset + lookahead * heading
-    decay, cosine, sine = np.exp(-way), np.cos(frequency * way), np.sin(frequency * way)
-    later_offset = decay * (offset * cosine + along * sine / frequency)
-    turned = (offset * frequency + along / frequency) * sine / lookahead
-    later_heading = decay * (heading * cosine - turned)
-    return np.asarray(later_offset + np.minimum(metres, 0) * heading), np.asarray(later_heading)
+EXPERT = PurePursuit()

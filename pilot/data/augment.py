@@ -16,7 +16,7 @@ import numpy as np
 from pilot import camera
 from pilot.arrays import Floats, Frame
 from pilot.data.view import CROP_BOTTOM, CROP_TOP, MIRROR, View
-from pilot.pursuit import LOOKAHEAD, OFFSET_LEFT, returned, returning_curvature
+from pilot.pursuit import EXPERT, PurePursuit
 from pilot.vehicle import COLUMNS, ROWS, curvature_to_steering, steering_to_curvature
 
 LOOKAHEAD_BY_RADIUS = 0.55  # of a bend; the point on the path then lies in a direction of 16 degrees
@@ -142,11 +142,10 @@ def shift_viewpoint(
         nearest: the same in the tightest bends; None: `lookahead` there, too.
     """
     curvature = steering_to_curvature(np.asarray(view.steering))
-    law = (LOOKAHEAD, OFFSET_LEFT) if lookahead is None else (_lookahead(curvature, lookahead, nearest), 0.0)
-    there = returned(offset, heading, view.metres, *law)
-    return view.transformed(
-        camera.viewpoint_homography(*there), curvature_to_steering(returning_curvature(curvature, *there, *law))
-    )
+    law = EXPERT if lookahead is None else PurePursuit(_lookahead(curvature, lookahead, nearest), 0.0)
+    there = law.after(view.metres, offset, heading)
+    steering = curvature_to_steering(law.curvature(curvature, *there))
+    return view.transformed(camera.viewpoint_homography(*there), steering)
 
 
 def _lookahead(curvature: Floats, farthest: float, nearest: float | None) -> Floats:

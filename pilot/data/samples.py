@@ -26,7 +26,7 @@ from pilot.data.other_times import (
     with_other_times,
 )
 from pilot.data.segments import segment_numbers
-from pilot.pursuit import returned, returning_curvature
+from pilot.pursuit import EXPERT, PurePursuit
 from pilot.signature import STEERING_ONLY, Signature
 from pilot.vehicle import (
     CAMERA_OFFSETS,
@@ -227,8 +227,8 @@ def side_steering(
         return np.asarray(np.arctan(np.tan(steering) + sign / 4))
     if config.side_rule == "pursuit":
         curvature = steering_to_curvature(np.asarray(steering, float))
-        there = returned(CAMERA_OFFSETS[camera], 0.0, metres)
-        return curvature_to_steering(returning_curvature(curvature, *there))
+        there = EXPERT.after(metres, CAMERA_OFFSETS[camera], 0.0)
+        return curvature_to_steering(EXPERT.curvature(curvature, *there))
     return steering + sign * config.side_correction * _correction_left(config.side_correction, metres)
 
 
@@ -240,9 +240,9 @@ def _correction_left(correction: float, metres: float | Floats) -> float | Float
     if not np.any(metres) or correction <= 0:
         return 1.0
     lookahead = math.sqrt(2 * SIDE_CAMERA_OFFSET / float(steering_to_curvature(correction)))
-    there = returned(SIDE_CAMERA_OFFSET, 0.0, metres, lookahead, 0.0)
-    first = returning_curvature(0.0, SIDE_CAMERA_OFFSET, 0.0, lookahead, 0.0)
-    return returning_curvature(0.0, *there, lookahead, 0.0) / first
+    law = PurePursuit(lookahead, 0.0)
+    there = law.after(metres, SIDE_CAMERA_OFFSET, 0.0)
+    return law.curvature(0.0, *there) / law.curvature(0.0, SIDE_CAMERA_OFFSET, 0.0)
 
 
 def camera_samples(moments: pd.DataFrame, config: SampleConfig, signature: Signature = STEERING_ONLY) -> pd.DataFrame:

@@ -12,7 +12,7 @@ from pilot.data.driving_log import read_driving_logs
 from pilot.data.frames import read_frame
 from pilot.data.other_times import earlier, image_columns, later, with_other_times
 from pilot.data.samples import SampleConfig, make_samples
-from pilot.pursuit import LOOKAHEAD, OFFSET_LEFT, returned, returning_curvature
+from pilot.pursuit import EXPERT, PurePursuit
 from pilot.signature import Signature
 
 ROWS = (70, 135)
@@ -63,14 +63,14 @@ def test_rows_without_a_next_one_teach_no_plan(recording: Recording) -> None:
 
 def test_a_displaced_car_returns_as_its_labels_say() -> None:
     """The closed form of the return, against small steps of the law itself."""
-    for lookahead, left in ((LOOKAHEAD, OFFSET_LEFT), (15.0, 0.0)):
+    for law in (EXPERT, PurePursuit(15.0, 0.0)):
         offset, heading = 1.2, -0.1
         for _ in range(6000):
-            curvature = float(returning_curvature(0.0, offset, heading, lookahead, left))
+            curvature = float(law.curvature(0.0, offset, heading))
             offset, heading = offset + heading * 1e-3, heading + curvature * 1e-3
-        np.testing.assert_allclose(returned(1.2, -0.1, 6.0, lookahead, left), (offset, heading), atol=1e-3)
-    assert returned(1.2, -0.1, 0.0) == (1.2, -0.1)
-    np.testing.assert_allclose(returned(1.2, -0.1, -3.0), (1.5, -0.1))  # came straight
+        np.testing.assert_allclose(law.after(6.0, 1.2, -0.1), (offset, heading), atol=1e-3)
+    assert EXPERT.after(0.0, 1.2, -0.1) == (1.2, -0.1)
+    np.testing.assert_allclose(EXPERT.after(-3.0, 1.2, -0.1), (1.5, -0.1))  # came straight
 
 
 def test_batches_hold_histories_and_the_labels_of_displaced_views(recording: Recording) -> None:

@@ -17,7 +17,7 @@ import pilot.environments  # noqa: F401 - registers them
 from pilot.environments.driving_env import DrivingEnv
 from pilot.environments.observations import AHEAD, ENTRIES, SCALES
 from pilot.environments.registration import environment_ids
-from pilot.pursuit import returning_curvature
+from pilot.pursuit import EXPERT
 from pilot.vehicle import curvature_to_steering
 
 STRAIGHT = np.zeros(1, np.float32)
@@ -33,7 +33,7 @@ def pursue(observation: np.ndarray, offset: float = 0.0) -> np.ndarray:
     """Steer for the middle of the lane, or a line beside it, knowing nothing but the state vector."""
     values = observation * SCALES
     curvature = values[len(ENTRIES) - len(AHEAD) :][AHEAD.index(4)]
-    curvature = returning_curvature(curvature, values[2] - offset, values[3])
+    curvature = EXPERT.curvature(curvature, values[2] - offset, values[3])
     return np.array([curvature_to_steering(float(curvature))], np.float32).clip(-1, 1)
 
 

@@ -26,7 +26,7 @@ from pilot.evaluation.over_socket import run_over_socket
 from pilot.evaluation.scenarios import TrackScenario
 from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, save_model
-from pilot.pursuit import LOOKAHEAD, returned, returning_curvature
+from pilot.pursuit import EXPERT, LOOKAHEAD
 from pilot.signature import Signature
 from pilot.simulator.episode import Episode
 from pilot.simulator.referee import Referee, time_limit
@@ -99,8 +99,8 @@ def ahead(episode: Episode) -> SteeringPolicy:
         def __call__(self, _frame: Frame) -> Plan:
             metres = episode.car.speed * np.array(self.signature.horizons)
             bends = episode.track.curvature_ahead(episode.where.progress + LOOKAHEAD / 2, 30.0)
-            there = returned(episode.where.lateral_offset, episode.state.heading_error, metres)
-            curvatures = returning_curvature(bends[(metres / STEP).astype(int)], *there)
+            there = EXPERT.after(metres, episode.where.lateral_offset, episode.state.heading_error)
+            curvatures = EXPERT.curvature(bends[(metres / STEP).astype(int)], *there)
             return Plan(tuple(curvature_to_steering(curvatures)), self.signature.horizons)
 
     return Policy()
