@@ -91,7 +91,7 @@ _BUILT_IN = TrainingConfig(
     augment=AugmentConfig(flip=0, brightness=0, shadow=0, viewpoint_lookahead=None, saturation=0.25),
 )
 # The same for networks that see earlier frames or predict what comes later, from whole drives too, which are more rows.
-_SEQUENCES = replace(_BUILT_IN, recipe="sequences", network="pilotnet_plan", epochs=5)
+_SEQUENCES = replace(_BUILT_IN, recipe="sequences", network="pilotnet_plan")
 # For recordings of people in the Unity simulator, from the weights of models/built_in.pt. People drive anywhere on the
 # road, so that networks trained by them alone hardly return to its middle; averaged with the weights of the model that
 # did, they do, and agree with people almost as well. Shadows, because the highest graphics setting draws hard ones.
