@@ -62,7 +62,7 @@ def test_all_outputs_of_a_network_are_exported(network: str, frames: Frames, tmp
     for seen in inputs_of(list(frames), copy.signature):
         np.testing.assert_allclose(copy.predict(seen), original.predict(seen), atol=1e-5)
         assert copy(seen).horizons == original(seen).horizons
-        assert (copy(seen).speed is None) == (network != "pilotnet_speed")
+        assert (copy(seen).speed is not None) == original.signature.speed
 
 
 def test_a_damaged_signature_is_refused(tmp_path: Path) -> None:
