@@ -23,14 +23,17 @@ from pilot.board.measurement import Contestant, Result, in_processes, measure_al
 from pilot.board.page import text_table, write_page
 from pilot.board.points import mean_points, rank_agreement
 from pilot.board.suite import SUITES, Suite
-from pilot.data.log_format import LOG_NAME
-from pilot.simulator.catalogue import both_ways, file_name
+from pilot.simulator.catalogue import both_ways
 from pilot.simulator.demonstration import DemonstrationConfig
-from pilot.simulator.demonstrations import record
+from pilot.simulator.demonstrations import DemonstrationSet, record_demonstrations
 
 REPOSITORY = Path(__file__).parents[1]
-LAPS = DemonstrationConfig(laps=1, recoveries=20, rate=1.0, wander=0.3)
-TRACKS = both_ways(["lake", "jungle", "mountain"])
+LAPS = DemonstrationSet(
+    "laps",
+    dict.fromkeys(
+        both_ways(["lake", "jungle", "mountain"]), DemonstrationConfig(laps=1, recoveries=20, rate=1.0, wander=0.3)
+    ),
+)
 # options of model.py by name in the table; networks that see or predict more than now need more rows a second
 WAYS = {
     name: ("--recipe", name)
@@ -53,11 +56,9 @@ WAYS = {
 
 def record_laps(folder: Path) -> None:
     """Record the laps that are missing in a folder."""
-    for track in tqdm(TRACKS, "recording", unit=" tracks", leave=False):
-        if not (folder / file_name(track) / LOG_NAME).exists():
-            unfinished = folder / f".{file_name(track)}"
-            record(track, LAPS, unfinished, listed_as=folder / file_name(track))
-            unfinished.rename(folder / file_name(track))
+    tracks = [(track, LAPS.tracks[track]) for track in LAPS.missing(folder)]
+    for _ in tqdm(record_demonstrations(folder, tracks), "recording", len(tracks), unit=" tracks", leave=False):
+        pass
 
 
 def train(way: str, seed: int, data: Path, out: Path) -> Path:
@@ -98,10 +99,10 @@ def main() -> None:
     process_settings.for_driving()
     suite, board = SUITES[options.suite], options.out / "board"
     board.mkdir(parents=True, exist_ok=True)
-    record_laps(options.out / "laps")
+    record_laps(options.out / LAPS.folder)
     for seed in range(options.seeds):
         for way in options.only:
-            model = train(way, seed, options.out / "laps", options.out)
+            model = train(way, seed, options.out / LAPS.folder, options.out)
             measure_all(suite, [Contestant(model.stem, model)], board, in_processes())
     measure_all(suite, [Contestant(model.stem, model) for model in options.beside], board, in_processes())
     results = list(results_in(board, suite))
