@@ -1,17 +1,15 @@
 """Recording of corrections: what a person steers in place of the model, and the seconds before."""
 
 import logging
-from collections import deque
 from collections.abc import Callable
-from datetime import datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 
 from pilot.driving.autopilot import Answer
+from pilot.driving.correction_buffer import CorrectionBuffer
 from pilot.driving.recorder import Recorder
 
 log = logging.getLogger("pilot")
-
-LEAD = timedelta(seconds=3)  # of the model's driving before a correction, which is recorded too
 
 
 class Corrections:
@@ -19,7 +17,6 @@ class Corrections:
 
     Attributes:
         folder: of this drive's corrections; None before the first one.
-        number: of corrections so far.
     """
 
     def __init__(self, parent: Path, now: Callable[[], datetime] = datetime.now) -> None:
@@ -31,28 +28,17 @@ class Corrections:
         """
         self.parent, self.now = parent, now
         self.folder: Path | None = None
-        self.number = 0
         self._recorder: Recorder | None = None
-        self._before: deque[tuple[datetime, Answer]] = deque()  # the model's driving of the last seconds
-        self._corrects = False
+        self._buffer: CorrectionBuffer[tuple[datetime, Answer]] = CorrectionBuffer()
 
     def observe(self, answer: Answer) -> None:
         """Record an answer with a person's steering, and what was before it; keep one of the model's for later."""
         if answer.telemetry is None:
             return
-        corrects, self._corrects = self._corrects, answer.steerer == "person"
-        self._before.append((self.now(), answer))
-        if not self._corrects:
-            self._forget()
-            return
-        self.number += not corrects
-        while self._before and (recorder := self._opened()):
-            at, queued = self._before.popleft()
-            recorder.observe(queued, at)
-
-    def _forget(self) -> None:
-        while self._before[0][0] < self._before[-1][0] - LEAD:
-            self._before.popleft()
+        at = self.now()
+        for due, moment in self._buffer.add((at, answer), at.timestamp(), answer.steerer):
+            if recorder := self._opened():
+                recorder.observe(moment, due)
 
     def _opened(self) -> Recorder | None:
         """Return the recorder of this drive; None if the disk cannot be written to."""
@@ -62,9 +48,12 @@ class Corrections:
                 self._recorder = Recorder(self.folder, steered_by=True)
             except (OSError, ValueError) as error:
                 log.error("the corrections are not recorded: %s. The car drives on", error)
-        if self._recorder is None:
-            self._before.clear()
         return self._recorder
+
+    @property
+    def number(self) -> int:
+        """Number of corrections so far."""
+        return self._buffer.number
 
     @property
     def frames(self) -> int:

@@ -1,6 +1,5 @@
 """Taking over from a model in the window, while the steering keys, the mouse or the gamepad's stick are held."""
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
@@ -10,13 +9,12 @@ from pilot.arrays import Frame
 from pilot.data.recording_writer import RECORDING_RATE, RecordingWriter, is_due
 from pilot.data.steered_by import Steerer
 from pilot.driving.controller import ControllerConfig, SpeedController
+from pilot.driving.correction_buffer import CorrectionBuffer
 from pilot.simulator.episode import CarState
 from pilot.simulator.window.capture import log
 from pilot.simulator.window.controls import Controls
 from pilot.simulator.wire.client import Client, Command
 from pilot.vehicle import TICK, TOP_SPEED_MPH
-
-LEAD_ROWS = round(3 * RECORDING_RATE)  # rows of the model's driving before a correction, which are recorded too
 
 
 class Takeover:
@@ -76,7 +74,6 @@ class CorrectionCapture:
 
     Attributes:
         folder: of this drive's corrections; None before the first one.
-        number: of corrections so far.
         rows: recorded, after `close`.
     """
 
@@ -87,37 +84,38 @@ class CorrectionCapture:
             parent: folder in which the folder of this drive is created.
             look: returns the current frames (160x320x3, uint8 RGB) by camera: left, center, right.
         """
-        self.parent, self.number, self.rows = parent, 0, 0
+        self.parent, self.rows = parent, 0
         self.folder: Path | None = None
         self._look = look
-        self._before: deque[_Row] = deque(maxlen=LEAD_ROWS)
+        self._buffer: CorrectionBuffer[_Row] = CorrectionBuffer()
         self._writer: RecordingWriter | None = None
-        self._corrects = False
 
     def add(self, state: CarState, steerer: Steerer) -> None:
         """Record the state after a tick, if a row is due."""
-        corrects, self._corrects = self._corrects, steerer == "person"
-        self.number += self._corrects and not corrects
         if not is_due(round(state.time / TICK), RECORDING_RATE):
             return
-        self._before.append(
-            _Row(self._look(), state.time, (state.steering, state.throttle), max(state.speed, 0.0), steerer)
-        )
-        if self._corrects:
-            self._write()
+        command = (state.steering, state.throttle)
+        row = _Row(self._look(), state.time, command, max(state.speed, 0.0), steerer)
+        if due := self._buffer.add(row, state.time, steerer):
+            self._write(due)
 
-    def _write(self) -> None:
-        """Write the rows that are kept; a full disk ends the recording, not the drive."""
+    def _write(self, rows: list[_Row]) -> None:
+        """Write rows; a full disk ends the recording, not the drive."""
         try:
             if self.folder is None:
                 self.folder = self.parent / f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
                 self._writer = RecordingWriter(self.folder)
-            while self._writer and self._before:
-                row = self._before.popleft()
-                self._writer.write(row.frames, row.seconds, row.command, row.speed, steerer=row.steerer)
+            if self._writer:
+                for row in rows:
+                    self._writer.write(row.frames, row.seconds, row.command, row.speed, steerer=row.steerer)
         except OSError as error:
             log.error("the corrections are not recorded any more: %s. The car drives on", error)
             self.close()
+
+    @property
+    def number(self) -> int:
+        """Number of corrections so far."""
+        return self._buffer.number
 
     def close(self) -> None:
         """End the recording."""

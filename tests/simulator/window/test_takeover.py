@@ -79,7 +79,7 @@ def test_only_corrections_are_recorded_with_the_seconds_before(tmp_path: Path) -
     log = read_driving_logs([capture.folder])
     assert set(log.rows["steering"]) == {0.5}
     assert len(log.rows) == 30  # 2 s
-    assert log.left_out[0]["steered by the model"] == 44  # 3 s, of which the first correcting row takes one
+    assert log.left_out[0]["steered by the model"] == 46  # 3 s, both ends included
 
 
 def test_a_folder_that_cannot_be_written_ends_the_recording_only(
