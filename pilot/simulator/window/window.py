@@ -43,7 +43,7 @@ FRAME_SECONDS = TICK  # a higher frame rate would repeat images, because the car
 RECORDING_KEYS = "R record    "
 KEYS = "Backspace back to road    C camera    H help    Esc quit"
 BEHIND, ABOVE = 6.5, 2.4  # metres, position of the chase camera relative to the rear axle
-CLEARANCE = 1.0  # metres, minimum height of the chase camera above the ground
+CLEARANCE = 1.0  # metres, minimum height of the camera above the ground
 SWING_SECONDS = 0.35  # time constant with which the chase camera follows the car's heading
 NO_DISPLAY = (
     "no window can be opened: there is no display. Without one there are `python simulator.py record` and "
@@ -214,14 +214,23 @@ class Window:
             self._camera.set_pos_hpr(
                 self._body.root, 0, CAMERA_AHEAD_OF_REAR_AXLE, CAMERA_HEIGHT, 0, -math.degrees(PITCH), 0
             )
+        self._keep_above_ground()
         self.scene.sky.set_pos(self._camera.get_pos())
 
+    def _keep_above_ground(self) -> None:
+        """Raise the camera where it would be in the slope beside the road, or so near that it looks through it."""
+        x, y, z = self._camera.get_pos()
+        ahead = np.array([math.sin(self._heading), math.cos(self._heading)])
+        points = np.array([x, y]) + np.outer(CLEARANCE * np.arange(4), ahead)
+        ground = float(self.scene.terrain.sample(self.scene.terrain.heights, points).max())
+        self._camera.set_z(max(z, ground + CLEARANCE))
+
     def _place_behind(self) -> None:
-        car, terrain = self.episode.car, self.scene.terrain
+        car = self.episode.car
         x, y = car.x - BEHIND * math.sin(self._heading), car.y - BEHIND * math.cos(self._heading)
-        ground = float(terrain.sample(terrain.heights, np.array([[x, y]]))[0])
         height = self._body.root.get_z()
-        self._camera.set_pos(x, y, max(height + ABOVE, ground + CLEARANCE))
+        self._camera.set_pos(x, y, height + ABOVE)
+        self._keep_above_ground()
         east, north = 4.0 * math.sin(self._heading), 4.0 * math.cos(self._heading)
         self._camera.look_at(car.x + east, car.y + north, height + 0.8)
 

@@ -54,6 +54,22 @@ with Simulator() as simulator:
         print("closed", flush=True)
         drive.place(50, offset=9)
 """
+IN_A_SLOPE = """
+from pilot.simulator.simulator import Simulator
+from pilot.simulator.window.window import Window
+
+class Control:
+    done = False
+    keys = note = ""
+    def advance(self, seconds):
+        pass
+
+with Simulator() as simulator:
+    simulator.reset("jungle", light="noon")
+    simulator.episode.place(48.4, offset=16, heading_error=1.23)
+    with Window(simulator.episode, simulator.renderer.scene, title="slope") as window:
+        window.run(Control())
+"""
 
 
 def is_road(picture: np.ndarray) -> bool:
@@ -159,6 +175,17 @@ def test_showing_what_others_drive_without_opengl(screen: Screen) -> None:
         assert process.stdout.readline() == "closed\n"
         process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
+
+
+def test_beside_the_road_nobody_looks_into_the_land(screen: Screen) -> None:
+    with screen.run(IN_A_SLOPE) as process:
+        screen.do("search", "--sync", "--name", "slope")
+        wait_for(lambda: screen.picture().std() > 20)
+        below = screen.picture()[450:495, 350:700].reshape(-1, 3).mean(0)
+        screen.do("key", "Escape")
+        process.communicate(timeout=PATIENCE)
+    red, green, blue = below
+    assert min(red, green) > blue  # a slope, and not the blue below the land
 
 
 def test_without_a_display_the_cure_is_named(tmp_path: Path) -> None:
