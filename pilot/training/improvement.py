@@ -36,6 +36,7 @@ DRIVING_SHARE = 0.45  # of a round's time; the rest is for learning
 MOST_EPOCHS = 8  # of a round, if there are few rows
 FEWEST_ROWS = 1000  # from which a round learns, also if that takes longer
 TIMED_ROWS = 400  # with which the speed of learning is measured
+CLEAN_DRIVES = 10  # without a correction, one after another, that end the improvement
 LAPS = 0.5  # of each drive, from a random position
 
 
@@ -108,19 +109,21 @@ def improve(config: ImproveConfig, set_up: Callable[[int], None], collect: "Coll
         raise ValueError(f"{config.corrections}: is not empty; remove it, or name another --out")
     before = read_driving_logs(config.before, no_bar).rows if config.before else pd.DataFrame()
     ends = time.monotonic() + 60 * config.minutes
-    rounds = max(round(60 * config.minutes / ROUND_SECONDS), 1)
     requests = drives(config)
-    model = config.model
-    for number in range(rounds):
-        length = (ends - time.monotonic()) / (rounds - number)
+    model, number, clean = config.model, 0, 0
+    while not number or ends - time.monotonic() > ROUND_SECONDS / 2:
+        left = ends - time.monotonic()
+        length = left / max(round(left / ROUND_SECONDS), 1)
         round_ends = time.monotonic() + length
         driven = (collect or drive_round)(config, model, requests, number, length * DRIVING_SHARE)
-        show(f"round {number + 1} of {rounds}: {describe(driven)}")
-        if driven and not sum(drive.takeovers for drive in driven):
-            show("No correction was necessary: more driving of this kind teaches nothing new.")
+        number += 1
+        show(f"round {number}: {describe(driven)}")
+        if any(drive.takeovers for drive in driven):
+            learn(config, model, before, round_ends, set_up)
+            model, clean = config.out, 0
+        elif (clean := clean + len(driven)) >= CLEAN_DRIVES:
+            show(f"No correction was necessary in {clean} drives: more driving of this kind teaches nothing new.")
             break
-        learn(config, model, before, round_ends, set_up)
-        model = config.out
     show(f"model: {model}    corrections: {config.corrections}")
 
 

@@ -11,7 +11,7 @@ import pytest
 from pilot.data.driving_log import read_driving_logs
 from pilot.evaluation import corrected_drive
 from pilot.evaluation.conditions import Conditions
-from pilot.evaluation.corrected_drive import CorrectedDriveRequest, CorrectedPolicy, drive_corrected
+from pilot.evaluation.corrected_drive import CorrectedDrive, CorrectedDriveRequest, CorrectedPolicy, drive_corrected
 from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, load_model, save_model
 from pilot.simulator.expert import Expert
@@ -74,6 +74,22 @@ def test_improves_for_a_time_and_keeps_the_corrections(
     assert "corrections in" in capsys.readouterr().out
     with pytest.raises(ValueError, match="is not empty"):
         improve(config, lambda _threads: None)
+
+
+def test_a_few_roads_without_a_correction_do_not_end_it(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    takeovers = iter([0, 0, 1, 0, 0, 0])  # in each of the four drives of a round
+    learned = []
+    monkeypatch.setattr(improvement, "learn", lambda *_: learned.append(True))
+    improve(
+        ImproveConfig(model, tmp_path / "improved.pt", minutes=5.0),
+        lambda _threads: None,
+        lambda *_: [CorrectedDrive("random:1", number, 10, 20.0) for number in [next(takeovers)] * 4],
+    )
+    assert next(takeovers, "all done") == "all done"
+    assert len(learned) == 1
+    assert "No correction was necessary in 12 drives" in capsys.readouterr().out
 
 
 def in_this_process(do: Callable[[object], object], tasks: list[object], *_: object) -> object:
