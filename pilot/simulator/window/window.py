@@ -214,7 +214,7 @@ class Window:
             self._camera.set_pos_hpr(
                 self._body.root, 0, CAMERA_AHEAD_OF_REAR_AXLE, CAMERA_HEIGHT, 0, -math.degrees(PITCH), 0
             )
-        self._keep_above_ground()
+            self._keep_above_ground()
         self.scene.sky.set_pos(self._camera.get_pos())
 
     def _keep_above_ground(self) -> None:
