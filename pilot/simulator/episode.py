@@ -79,6 +79,10 @@ class Episode:
         """Put the car back into the middle of its lane at its current progress and speed, aligned with the road."""
         self.place(self.where.progress, speed=self.car.speed / MPH)
 
+    def start_again(self) -> None:
+        """Put the car back like `put_back`, but standing: whoever lost it in a bend would lose it again at speed."""
+        self.place(self.where.progress)
+
     def advance(self, steering: float, throttle: float) -> CarState:
         """Apply a command (-1..1 each) for one tick of 20 ms; returns the new state."""
         before = self.where

@@ -154,7 +154,7 @@ class Window:
         """Perform the actions of the keys that were pressed since the last call."""
         actions = {
             "r": self._record,
-            "backspace": self.episode.put_back,
+            "backspace": self.episode.start_again,
             "c": self._change_camera,
             "h": self._toggle_help,
             "escape": self._end,

@@ -39,7 +39,7 @@ class Control:
     def advance(self, seconds):
         if self.ends:
             self.done = drive.advance(0, 1).time > 0.1
-        elif drive.on_road and not self.said:
+        elif drive.on_road and not drive.car.speed and not self.said:
             self.said = not print("back on the road", flush=True)
 
 window.PIPES = ("p3missing", *window.PIPES[1:])  # as where there is no OpenGL
@@ -52,7 +52,7 @@ with Simulator() as simulator:
             opened.behind = True
             opened.run(control)
         print("closed", flush=True)
-        drive.place(50, offset=9)
+        drive.place(50, offset=9, speed=20)
 """
 IN_A_SLOPE = """
 from pilot.simulator.simulator import Simulator
