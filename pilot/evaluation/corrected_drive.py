@@ -3,12 +3,12 @@
 Recorded is where the model leads the car, with the steering of the expert there: S. Ross et al., A Reduction of
 Imitation Learning and Structured Prediction to No-Regret Online Learning (2011), arXiv 1011.0686 (DAgger). The expert
 takes over only before the car would leave the road, as a person would do: M. Kelly et al., HG-DAgger: Interactive
-Imitation Learning with Human Experts (2019), arXiv 1810.02890. The places of the takeovers are then recorded from many
-more positions, for which the car is simply put there: a view that needs no driving costs a tenth of one that does.
+Imitation Learning with Human Experts (2019), arXiv 1810.02890. The places of the takeovers, and places anywhere on the
+road, are then recorded from many more positions, for which the car is simply put there: a view that needs no driving
+costs a tenth of one that does.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,20 +19,22 @@ from pilot.data.recording_writer import RecordingWriter
 from pilot.driving.plan import Plan, SteeringPolicy, signature_of
 from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, drive_laps, simulator_at
 from pilot.evaluation.conditions import Conditions
-from pilot.simulator.demonstration import PAUSE, lines
+from pilot.simulator.camera_variation import STANDARD, draw_variation
+from pilot.simulator.demonstration import PAUSE, lines, recovery_start
 from pilot.simulator.episode import Episode
 from pilot.simulator.expert import Expert
-from pilot.simulator.simulator import TICKS
+from pilot.simulator.simulator import TICKS, Simulator
 from pilot.vehicle import TICK
 
 AHEAD_SECONDS = 0.5  # the expert takes over if the car will be off the road then
 CLEARANCE = 0.3  # metres from the edge at which it takes over
 SAFE_METRES, SAFE_HEADING = 0.5, math.radians(4.0)  # deviations from the expert's line with which it gives back
 FRAMES_PER_ROW = 5  # of 40 ms each; neighbouring frames are near duplicates
-VIEWS = 60  # recorded around the place of each takeover, from random positions
-VIEWS_BEFORE, VIEWS_BEHIND = 20.0, 10.0  # metres before and behind that place
+VIEWS = 60  # recorded around the place of each takeover, and as many anywhere on the road, from random positions
+VIEWS_BEFORE, VIEWS_BEHIND = 20.0, 10.0  # metres before and behind the place of a takeover
 VIEW_HEADING = math.radians(12.0)  # standard deviation of their heading errors
 VIEW_MPH = 15.0  # the steering does not depend on the speed
+BEGIN_MPH = 20.0  # speed at a given place, from which a drive begins
 LINE_SPREAD = 0.3  # as in the demonstrations: the expert returns to the nearest line of the middle part of the road
 
 
@@ -62,7 +64,8 @@ class CorrectedDriveRequest:
         track: name of the track, such as random:7 reversed.
         folder: of the recording.
         conditions: driving conditions.
-        start: seed of the start position; None: the start line.
+        start: seed of the start position, and of all that is random; None: the start line, and seed 0.
+        begin: metres along the track where the drive begins at `BEGIN_MPH`; None: it begins standing, at `start`.
     """
 
     model: Path
@@ -70,6 +73,7 @@ class CorrectedDriveRequest:
     folder: Path
     conditions: Conditions = field(default_factory=Conditions)
     start: int | None = None
+    begin: float | None = None
 
 
 def drive_corrected(request: CorrectedDriveRequest) -> CorrectedDrive:
@@ -82,6 +86,8 @@ def drive_corrected(request: CorrectedDriveRequest) -> CorrectedDrive:
     """
     policy = ModelPolicy(request.model)
     simulator = simulator_at(DriveRequest(policy, request.track, request.conditions, start=request.start))
+    if request.begin is not None:
+        simulator.episode.place(request.begin, speed=BEGIN_MPH)
     with RecordingWriter(request.folder) as writer:
         corrected = CorrectedPolicy(simulator.episode, policy(), writer)
         trajectory = drive_laps(
@@ -91,7 +97,7 @@ def drive_corrected(request: CorrectedDriveRequest) -> CorrectedDrive:
             request.conditions,
             seed=request.start or 0,
         )
-        corrected.record_views(lambda: simulator.look()["center"])
+        corrected.record_views(simulator, request.start or 0)
         return CorrectedDrive(request.track, len(corrected.takeovers), writer.rows, trajectory.seconds)
 
 
@@ -134,11 +140,12 @@ class CorrectedPolicy:
         self._expert.follow(float(np.clip(self.episode.where.lateral_offset, *self._lines)))
         return self._expert.command()
 
-    def _record(self, frame: Frame, command: tuple[float, float], pause: float) -> None:
+    def _record(
+        self, frame: Frame, command: tuple[float, float], pause: float, quality: int = STANDARD.quality
+    ) -> None:
         self._seconds += pause
-        self.writer.write(
-            {"center": frame}, self._seconds, command, max(self.episode.state.speed, 0.0), steerer="expert"
-        )
+        speed = max(self.episode.state.speed, 0.0)
+        self.writer.write({"center": frame}, self._seconds, command, speed, quality=quality, steerer="expert")
 
     def _decide(self) -> None:
         """Let the expert take over, or give back."""
@@ -151,19 +158,22 @@ class CorrectedPolicy:
         elif abs(self._expert.error) < SAFE_METRES and abs(state.heading_error) < SAFE_HEADING:
             self._corrects = False
 
-    def record_views(self, look: Callable[[], Frame]) -> None:
-        """Record what the expert would do around the places of the takeovers.
+    def record_views(self, simulator: Simulator, seed: int) -> None:
+        """Record what the expert would do around the places of the takeovers, and anywhere on the road."""
+        random = np.random.default_rng(seed)
+        track, edge = self.episode.track, self.episode.track.largest_offset
+        for place in self._view_places(random):
+            offset, heading = float(random.uniform(-edge, edge)), float(random.normal(0, VIEW_HEADING))
+            self.episode.place(place, offset - track.lane, heading, VIEW_MPH)
+            variation = draw_variation(random)
+            self._record(simulator.look(variation)["center"], self._expert_command(), PAUSE, variation.quality)
 
-        Args:
-            look: returns the centre camera's current frame.
-        """
-        random = np.random.default_rng(len(self.takeovers))
-        edge = self.episode.track.largest_offset
-        for place in self.takeovers:
-            for _ in range(VIEWS):
-                start = (place + random.uniform(-VIEWS_BEFORE, VIEWS_BEHIND)) % self.episode.track.length
-                offset = float(random.uniform(-edge, edge))
-                self.episode.place(
-                    start, offset - self.episode.track.lane, float(random.normal(0, VIEW_HEADING)), VIEW_MPH
-                )
-                self._record(look(), self._expert_command(), PAUSE)
+    def _view_places(self, random: np.random.Generator) -> list[float]:
+        """Return places in metres along the track."""
+        track = self.episode.track
+        near = [
+            (place + float(random.uniform(-VIEWS_BEFORE, VIEWS_BEHIND))) % track.length
+            for place in self.takeovers
+            for _ in range(VIEWS)
+        ]
+        return near + [recovery_start(track, float(random.uniform())) for _ in range(VIEWS)]

@@ -140,7 +140,7 @@ def _displaced(episode: Episode, number: int, config: DemonstrationConfig) -> Ex
     """
     random = np.random.default_rng([config.seed, number])
     track = episode.track
-    start = _recovery_start(track, (number + float(random.uniform())) / config.recoveries)
+    start = recovery_start(track, (number + float(random.uniform())) / config.recoveries)
     edge = track.largest_offset
     offset, heading = float(random.uniform(-edge, edge)), float(random.normal(0, random.uniform(*RECOVERY_HEADINGS)))
     expert = Expert(episode, config.speed, float(np.clip(offset, *lines(track, config.line_spread))))
@@ -150,8 +150,8 @@ def _displaced(episode: Episode, number: int, config: DemonstrationConfig) -> Ex
     return expert
 
 
-def _recovery_start(track: Track, share: float) -> float:
-    """Return where (metres) a share (0..1) of all recoveries has started."""
+def recovery_start(track: Track, share: float) -> float:
+    """Return where (metres) a share (0..1) of all recoveries has started: half evenly, half by the curvature."""
     curvatures = np.abs(track.curvatures)
     density = 1 / len(curvatures) + curvatures / max(float(curvatures.sum()), 1e-9)
     index = int(np.searchsorted(np.cumsum(density), share * float(density.sum())))

@@ -21,7 +21,7 @@ from pilot.evaluation.corrected_drive import CorrectedDrive, CorrectedDriveReque
 from pilot.model.checkpoint import load_model
 from pilot.progress import no_bar
 from pilot.simulator.catalogue import file_name, load_track
-from pilot.simulator.track import REVERSED
+from pilot.simulator.track import REVERSED, STEP
 from pilot.terminal import show
 from pilot.training.config import TrainingConfig
 from pilot.training.recipes import IMPROVEMENT
@@ -36,8 +36,10 @@ DRIVING_SHARE = 0.45  # of a round's time; the rest is for learning
 MOST_EPOCHS = 8  # of a round, if there are few rows
 FEWEST_ROWS = 1000  # from which a round learns, also if that takes longer
 TIMED_ROWS = 400  # with which the speed of learning is measured
-CLEAN_DRIVES = 10  # without a correction, one after another, that end the improvement
-LAPS = 0.5  # of each drive, from a random position
+CLEAN_SECONDS = 240.0  # of driving without a correction that end the improvement
+LAPS = 0.5  # of each drive on a named track, from a random position
+# Drives on ever new roads lead through the tightest bend, where models fail most: they see the more roads for that.
+BEFORE_BEND, BEND_METRES = 40.0, 70.0
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ def improve(config: ImproveConfig, set_up: Callable[[int], None], collect: "Coll
     before = read_driving_logs(config.before, no_bar).rows if config.before else pd.DataFrame()
     ends = time.monotonic() + 60 * config.minutes
     requests = drives(config)
-    model, number, clean = config.model, 0, 0
+    model, number, clean = config.model, 0, 0.0
     while not number or ends - time.monotonic() > ROUND_SECONDS / 2:
         left = ends - time.monotonic()
         length = left / max(round(left / ROUND_SECONDS), 1)
@@ -120,9 +122,9 @@ def improve(config: ImproveConfig, set_up: Callable[[int], None], collect: "Coll
         show(f"round {number}: {describe(driven)}")
         if any(drive.takeovers for drive in driven):
             learn(config, model, before, round_ends, set_up)
-            model, clean = config.out, 0
-        elif (clean := clean + len(driven)) >= CLEAN_DRIVES:
-            show(f"No correction was necessary in {clean} drives: more driving of this kind teaches nothing new.")
+            model, clean = config.out, 0.0
+        elif (clean := clean + sum(drive.seconds for drive in driven)) >= CLEAN_SECONDS:
+            show(f"No correction in {clean / 60:.1f} minutes of driving: more of this kind teaches nothing new.")
             break
     show(f"model: {model}    corrections: {config.corrections}")
 
@@ -146,12 +148,7 @@ def drive_round(
     """Let the model drive for a time, and record the corrections; one drive at least is made."""
     ends = time.monotonic() + seconds
     most = max(round(seconds), 4)  # more than can be made
-    requests = [
-        CorrectedDriveRequest(
-            model, track, config.corrections / f"{file_name(track)}-{start}", config.conditions, start
-        )
-        for track, start in (next(drives) for _ in range(most))
-    ]
+    requests = [request_for(config, model, *next(drives)) for _ in range(most)]
     done: list[CorrectedDrive] = []
     tasks = run_tasks(drive_corrected, requests, None, process_settings.for_driving)
     with closing(tasks), tqdm(total=round(seconds), desc=f"driving {number + 1}", unit=" s", leave=False) as bar:
@@ -161,6 +158,17 @@ def drive_round(
             if time.monotonic() > ends:
                 break
     return done
+
+
+def request_for(config: ImproveConfig, model: Path, track: str, seed: int) -> CorrectedDriveRequest:
+    """Return a drive: half a lap on a named track, or through the tightest bend of a random road."""
+    folder = config.corrections / f"{file_name(track)}-{seed}"
+    if config.tracks:
+        return CorrectedDriveRequest(model, track, folder, config.conditions, seed)
+    road = load_track(track)
+    begin = (float(np.argmax(np.abs(road.curvatures))) * STEP - BEFORE_BEND) % road.length
+    conditions = replace(config.conditions, laps=BEND_METRES / road.length)
+    return CorrectedDriveRequest(model, track, folder, conditions, seed, begin)
 
 
 def describe(driven: list[CorrectedDrive]) -> str:

@@ -14,10 +14,12 @@ from pilot.evaluation.conditions import Conditions
 from pilot.evaluation.corrected_drive import CorrectedDrive, CorrectedDriveRequest, CorrectedPolicy, drive_corrected
 from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, load_model, save_model
+from pilot.simulator.catalogue import load_track
 from pilot.simulator.expert import Expert
 from pilot.simulator.simulator import Simulator
+from pilot.simulator.track import STEP
 from pilot.training import improvement
-from pilot.training.improvement import ImproveConfig, drives, improve, mixed
+from pilot.training.improvement import ImproveConfig, drives, improve, mixed, request_for
 
 
 @pytest.fixture
@@ -37,7 +39,7 @@ def test_the_expert_corrects_before_the_car_leaves_the_road(model: Path, tmp_pat
     drive = drive_corrected(request)
     log = read_driving_logs([tmp_path / "drive"])
     assert drive.takeovers > 0
-    assert len(log.rows) == drive.rows > 8 * drive.takeovers
+    assert len(log.rows) == drive.rows > 8 * (drive.takeovers + 1)
     assert log.rows["correction"].all()
     assert np.ptp(log.rows["steering"]) > 0.5  # the views around a place lie left and right of the road's middle
 
@@ -89,7 +91,17 @@ def test_a_few_roads_without_a_correction_do_not_end_it(
     )
     assert next(takeovers, "all done") == "all done"
     assert len(learned) == 1
-    assert "No correction was necessary in 12 drives" in capsys.readouterr().out
+    assert "No correction in 4.0 minutes of driving" in capsys.readouterr().out
+
+
+def test_without_named_tracks_it_drives_through_the_tightest_bend_of_each_road(model: Path, tmp_path: Path) -> None:
+    request = request_for(ImproveConfig(model, tmp_path / "improved.pt"), model, "random:12", 5)
+    road = load_track("random:12")
+    tightest = np.argmax(np.abs(road.curvatures)) * STEP
+    assert request.begin is not None
+    assert request.begin < tightest < request.begin + request.conditions.laps * road.length
+    named = ImproveConfig(model, tmp_path / "improved.pt", tracks=("random:12",))
+    assert request_for(named, model, "random:12", 5).begin is None
 
 
 def in_this_process(do: Callable[[object], object], tasks: list[object], *_: object) -> object:
