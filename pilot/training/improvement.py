@@ -21,7 +21,7 @@ from pilot.evaluation.corrected_drive import CorrectedDrive, CorrectedDriveReque
 from pilot.model.checkpoint import load_model
 from pilot.progress import no_bar
 from pilot.simulator.catalogue import file_name, load_track
-from pilot.simulator.track import REVERSED, STEP
+from pilot.simulator.track import REVERSED
 from pilot.terminal import show
 from pilot.training.config import TrainingConfig
 from pilot.training.recipes import IMPROVEMENT
@@ -38,8 +38,6 @@ FEWEST_ROWS = 1000  # from which a round learns, also if that takes longer
 TIMED_ROWS = 400  # with which the speed of learning is measured
 CLEAN_SECONDS = 240.0  # of driving without a correction that end the improvement
 LAPS = 0.5  # of each drive on a named track, from a random position
-# Drives on ever new roads lead through the tightest bend, where models fail most: they see the more roads for that.
-BEFORE_BEND, BEND_METRES = 40.0, 70.0
 
 
 @dataclass(frozen=True)
@@ -163,12 +161,7 @@ def drive_round(
 def request_for(config: ImproveConfig, model: Path, track: str, seed: int) -> CorrectedDriveRequest:
     """Return a drive: half a lap on a named track, or through the tightest bend of a random road."""
     folder = config.corrections / f"{file_name(track)}-{seed}"
-    if config.tracks:
-        return CorrectedDriveRequest(model, track, folder, config.conditions, seed)
-    road = load_track(track)
-    begin = (float(np.argmax(np.abs(road.curvatures))) * STEP - BEFORE_BEND) % road.length
-    conditions = replace(config.conditions, laps=BEND_METRES / road.length)
-    return CorrectedDriveRequest(model, track, folder, conditions, seed, begin)
+    return CorrectedDriveRequest(model, track, folder, config.conditions, seed, through_bend=not config.tracks)
 
 
 def describe(driven: list[CorrectedDrive]) -> str:

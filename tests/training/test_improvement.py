@@ -11,10 +11,17 @@ import pytest
 from pilot.data.driving_log import read_driving_logs
 from pilot.evaluation import corrected_drive
 from pilot.evaluation.conditions import Conditions
-from pilot.evaluation.corrected_drive import CorrectedDrive, CorrectedDriveRequest, CorrectedPolicy, drive_corrected
+from pilot.evaluation.corrected_drive import (
+    CorrectedDrive,
+    CorrectedDriveRequest,
+    CorrectedPolicy,
+    drive_corrected,
+    to_tightest_bend,
+)
 from pilot.model.build import build_network
 from pilot.model.checkpoint import Model, load_model, save_model
 from pilot.simulator.catalogue import load_track
+from pilot.simulator.episode import Episode
 from pilot.simulator.expert import Expert
 from pilot.simulator.simulator import Simulator
 from pilot.simulator.track import STEP
@@ -95,13 +102,15 @@ def test_a_few_roads_without_a_correction_do_not_end_it(
 
 
 def test_without_named_tracks_it_drives_through_the_tightest_bend_of_each_road(model: Path, tmp_path: Path) -> None:
-    request = request_for(ImproveConfig(model, tmp_path / "improved.pt"), model, "random:12", 5)
-    road = load_track("random:12")
-    tightest = np.argmax(np.abs(road.curvatures)) * STEP
-    assert request.begin is not None
-    assert request.begin < tightest < request.begin + request.conditions.laps * road.length
-    named = ImproveConfig(model, tmp_path / "improved.pt", tracks=("random:12",))
-    assert request_for(named, model, "random:12", 5).begin is None
+    config = ImproveConfig(model, tmp_path / "improved.pt")
+    assert request_for(config, model, "random:12", 5).through_bend
+    assert not request_for(replace(config, tracks=("random:12",)), model, "random:12", 5).through_bend
+    track = load_track("random:12")
+    episode = Episode(track)
+    tightest = np.argmax(np.abs(track.curvatures)) * STEP
+    laps = to_tightest_bend(episode, config.conditions).laps
+    begin = episode.where.progress
+    assert begin < tightest < begin + laps * track.length
 
 
 def in_this_process(do: Callable[[object], object], tasks: list[object], *_: object) -> object:
