@@ -1,14 +1,16 @@
 """The board of this project's recipes and networks: each trained several times on the same laps, and measured.
 
-    python benchmarks/recipes.py [--seeds 3] [--suite v1] [--out recipes] [--only NAME...]
+    python benchmarks/recipes.py [--seeds 3] [--suite v1] [--out recipes] [--board docs/board] [--only NAME...]
 
 The laps are what a person records in half an hour: one of lake, jungle and mountain in each direction, by a driver who
 wanders by 0.3 m, and 20 recoveries each. The students' recipes have a network each; all networks are also trained by
-the default recipe. Recordings, models and results are kept in --out and are not made again, so that a long run can be
-interrupted and continued; board/board.html in it is the page.
+the default recipe. Recordings and models are kept in --out and are not made again; results are kept in --board, and
+what has one is neither trained nor measured again, so that a long run can be interrupted and continued. docs/board has
+the results of this project: another --board makes all of them anew.
 """
 
 import argparse
+import itertools
 import subprocess
 import sys
 from pathlib import Path
@@ -61,13 +63,11 @@ def record_laps(folder: Path) -> None:
         pass
 
 
-def train(way: str, seed: int, data: Path, out: Path) -> Path:
-    """Train a model unless it exists; returns its path."""
-    model = out / f"{way}-{seed}.pt"
+def train(way: str, seed: int, data: Path, model: Path) -> None:
+    """Train a model unless it exists."""
     if not model.exists():
         words = [*WAYS[way], "--seed", str(seed), "--data", str(data), "--out", str(model)]
         subprocess.run([sys.executable, str(REPOSITORY / "model.py"), *words], check=True)
-    return model
 
 
 def print_board(suite: Suite, results: list[Result]) -> None:
@@ -93,16 +93,19 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--suite", choices=SUITES, default="v1")
     parser.add_argument("--out", type=Path, default=Path("recipes"))
+    parser.add_argument("--board", type=Path, default=REPOSITORY / "docs/board", help="folder of results and page")
     parser.add_argument("--only", nargs="+", choices=WAYS, default=list(WAYS))
     parser.add_argument("--beside", type=Path, nargs="*", default=[], help="other models to measure")
     options = parser.parse_args()
     process_settings.for_driving()
-    suite, board = SUITES[options.suite], options.out / "board"
+    suite, board, laps = SUITES[options.suite], options.board, options.out / LAPS.folder
     board.mkdir(parents=True, exist_ok=True)
-    record_laps(options.out / LAPS.folder)
-    for seed in range(options.seeds):
-        for way in options.only:
-            model = train(way, seed, options.out / LAPS.folder, options.out)
+    measured = {result.name for result in results_in(board, suite)}
+    for seed, way in itertools.product(range(options.seeds), options.only):
+        model = options.out / f"{way}-{seed}.pt"
+        if model.stem not in measured:
+            record_laps(laps)
+            train(way, seed, laps, model)
             measure_all(suite, [Contestant(model.stem, model)], board, in_processes())
     measure_all(suite, [Contestant(model.stem, model) for model in options.beside], board, in_processes())
     results = list(results_in(board, suite))
