@@ -9,6 +9,7 @@ kept in --out, and are not made again, so that a long run can be interrupted and
 """
 
 import argparse
+import itertools
 import shutil
 import sys
 import time
@@ -90,6 +91,18 @@ def interventions(model: Path, roads: list[str]) -> pd.DataFrame:
     )
 
 
+def improved(model: Path, way: str, seed: int, options: argparse.Namespace) -> Path:
+    """Improve a model in a way, unless that was done before; returns the path of the improved one."""
+    out: Path = options.out / f"{way}-{seed}.pt"
+    if not out.exists():  # an interrupted one has another name
+        unfinished = out.with_name(f"unfinished-{out.name}")
+        shutil.rmtree(out.with_name(f"{unfinished.stem}_corrections"), ignore_errors=True)
+        config = ImproveConfig(model, unfinished, options.minutes, (), tuple(options.data), seed=seed)
+        improve(config, process_settings.use_threads, demonstrate_round if way == "demonstrations" else None)
+        unfinished.replace(out)
+    return out
+
+
 def main() -> None:
     """Improve, drive, and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -103,25 +116,15 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     process_settings.for_training()
     roads, models = hard_roads(options.roads), {"before": options.model}
-    for seed in range(options.seeds):
-        for way in WAYS:
-            out = options.out / f"{way}-{seed}.pt"
-            models[out.stem] = out
-            if not out.exists():  # an interrupted one has another name
-                unfinished = out.with_name(f"unfinished-{out.name}")
-                shutil.rmtree(out.with_name(f"{unfinished.stem}_corrections"), ignore_errors=True)
-                config = ImproveConfig(options.model, unfinished, options.minutes, (), tuple(options.data), seed=seed)
-                improve(config, process_settings.use_threads, demonstrate_round if way == WAYS[1] else None)
-                unfinished.replace(out)
+    for seed, way in itertools.product(range(options.seeds), WAYS):
+        models[f"{way}-{seed}"] = improved(options.model, way, seed, options)
     for name, model in models.items():
         figures = options.out / f"{name}.csv"
         if not figures.exists():
             interventions(model, roads).to_csv(figures, index=False)
         driven = pd.read_csv(figures)["interventions"]
-        print(
-            f"{name:20} {driven.sum():4} interventions, {(driven == 0).sum()} of {len(driven)} roads without",
-            flush=True,
-        )
+        clean = (driven == 0).sum()
+        print(f"{name:20} {driven.sum():4} interventions, {clean} of {len(driven)} roads without", flush=True)
 
 
 if __name__ == "__main__":
