@@ -167,10 +167,8 @@ def request_for(config: ImproveConfig, model: Path, track: str, seed: int) -> Co
 def describe(driven: list[CorrectedDrive]) -> str:
     """Return a sentence about the drives of a round."""
     takeovers, minutes = sum(drive.takeovers for drive in driven), sum(drive.seconds for drive in driven) / 60
-    return (
-        f"{takeovers} corrections in {minutes:.1f} minutes of driving on {len(driven)} roads "
-        f"({takeovers / max(minutes, 1e-9):.1f} per minute)"
-    )
+    rate = f" ({takeovers / minutes:.1f} per minute)" if minutes else ""
+    return f"{takeovers} corrections in {minutes:.1f} minutes of driving on {len(driven)} roads{rate}"
 
 
 def learn(config: ImproveConfig, model: Path, before: pd.DataFrame, ends: float, set_up: Callable[[int], None]) -> None:
