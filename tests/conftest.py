@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +18,9 @@ from pilot.simulator.track import STEP, Track, closed_road
 
 REPOSITORY = Path(__file__).parents[1]
 RADIUS = 60.0  # metres, of the circular road
+
+# a shell starts jobs in the background with Ctrl-C ignored, which the programs that the tests start would inherit
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
