@@ -38,6 +38,8 @@ class TrainingConfig:
     network: Annotated[str, tyro.conf.arg(help=f"Network to train: {', '.join(network_names())}.")] = "pilotnet"
     epochs: int = 15
     """Maximum number of epochs."""
+    min_steps: int = 0
+    """Minimum number of optimisation steps: few data are learned from in more epochs than --epochs."""
     batch_size: int = 64
     """Number of samples per optimisation step, over all processes."""
     learning_rate: float = 1e-3
@@ -108,6 +110,7 @@ class TrainingConfig:
         not_negative = {
             "l2": self.l2,
             "warm-up": self.warm_up,
+            "min-steps": self.min_steps,
             "min-delta": self.min_delta,
             "cache-gb": self.cache_gb,
             "samples.path-metres": self.samples.path_metres,

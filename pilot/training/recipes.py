@@ -106,8 +106,11 @@ _REAL = replace(
 )
 # For a person's own laps on top of a ready-made model: few, so that more of the model is kept.
 _FINE_TUNE = replace(_REAL, recipe="fine-tune", start_share=0.7)
-# For learning from corrections in the built-in simulator, together with earlier demonstrations.
-_CORRECTIONS = replace(_BUILT_IN, recipe="corrections", epochs=3, learning_rate=5e-4, warm_up=50)
+# For learning from corrections in the built-in simulator, together with earlier demonstrations. They may be few; then
+# three epochs would be too short, and their validation set too small to end the training by its error.
+_CORRECTIONS = replace(
+    _BUILT_IN, recipe="corrections", epochs=3, min_steps=1200, patience=1000, learning_rate=5e-4, warm_up=50
+)
 # The same with the expert's corrections, which are as many as the demonstrations: see `pilot.training.improvement`.
 IMPROVEMENT = replace(_CORRECTIONS, epochs=2, samples=replace(_BUILT_IN.samples, correction_weight=1))
 RECIPES: dict[str, TrainingConfig] = {

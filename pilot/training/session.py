@@ -1,8 +1,10 @@
 """A complete training, from recordings to model.pt, metrics and figures."""
 
+import math
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +60,7 @@ def train(config: TrainingConfig, processes: Processes, set_up: Callable[[int], 
     if cache.error:
         say(f"decoded images cannot be cached ({cache.error}): each is decoded again in every epoch")
     samples, validation = samples_of(log.rows, config)
+    config = with_enough_epochs(config, len(samples))
     # only the main process drives; its result is shared
     driving_check = make_driving_check(config, log, validation) if processes.is_main else None
     training = Training(config, samples, validation, processes=processes, driving_check=driving_check, cache=cache)
@@ -97,6 +100,12 @@ def samples_of(rows: pd.DataFrame, config: TrainingConfig) -> tuple[pd.DataFrame
         ValueError: there are too few rows, or recordings, for a training and a validation set.
     """
     return make_samples(rows, config.samples, config.seed, network_class(config.network).signature)
+
+
+def with_enough_epochs(config: TrainingConfig, samples: int) -> TrainingConfig:
+    """Return the options with as many epochs as their minimum number of steps needs with a number of samples."""
+    steps = math.ceil(samples / config.batch_size)
+    return replace(config, epochs=max(config.epochs, math.ceil(config.min_steps / steps)))
 
 
 @contextmanager

@@ -68,6 +68,13 @@ def test_trains_and_says_where_the_model_is_and_how_good(recording: Recording, t
     assert any(path.name.startswith("events.out.tfevents") for path in report.iterdir())
 
 
+def test_few_samples_are_learned_from_in_more_epochs(recording: Recording, train: Callable[..., str]) -> None:
+    recording(moments=60)
+    output = train("--data", "laps", "--epochs", "1", "--min-steps", "8", *SMALL)
+    samples = int(output.split(" training samples")[0].split()[-1])
+    assert load_model(Path("model.pt")).config["epochs"] == -(-8 // -(-samples // 32)) > 1
+
+
 def test_fine_tunes_a_model_with_its_own_network(
     recording: Recording, tmp_path: Path, train: Callable[..., str]
 ) -> None:
