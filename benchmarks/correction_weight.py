@@ -3,13 +3,12 @@
     python benchmarks/correction_weight.py MODEL --data RECORDING... [--weights 1 4 16] [--seeds 2] [--roads 50]
 
 As when a person takes the wheel, only the expert's steering while it corrects the model is recorded, in the first
-`METRES` of hard random roads. Then the model learns from that and from --data by the recipe `corrections`, and drives
+400 m of hard random roads. Then the model learns from that and from --data by the recipe `corrections`, and drives
 other hard roads. The trained models and the corrections are kept in --out and are not made again.
 """
 
 import argparse
 import itertools
-import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,18 +17,16 @@ from tqdm import tqdm
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from benchmarks.improve import METRES, hard_roads, interventions
+from benchmarks.held_out import train
+from benchmarks.improve import first_part, hard_roads, interventions, print_interventions
 from pilot import process_settings
 from pilot.arrays import Frame
 from pilot.data.recording_writer import RecordingWriter
-from pilot.evaluation.closed_loop import DriveRequest, ModelPolicy, drive_laps, simulator_at
-from pilot.evaluation.conditions import Conditions
+from pilot.evaluation.closed_loop import drive_laps, simulator_at
 from pilot.evaluation.corrected_drive import CorrectedPolicy
 from pilot.simulator.camera_variation import STANDARD
-from pilot.simulator.catalogue import file_name, load_track
+from pilot.simulator.catalogue import file_name
 from pilot.workers import run_tasks
-
-REPOSITORY = Path(__file__).parents[1]
 
 
 @dataclass(frozen=True)
@@ -53,11 +50,11 @@ class PersonLikePolicy(CorrectedPolicy):
 
 def correct(task: Correction) -> int:
     """Drive and record a road; returns the number of corrections."""
-    policy, conditions = ModelPolicy(task.model), Conditions(laps=METRES / load_track(task.road).length)
-    simulator = simulator_at(DriveRequest(policy, task.road, conditions))
+    request = first_part(task.model, task.road)
+    simulator = simulator_at(request)
     with RecordingWriter(task.folder) as writer:
-        corrected = PersonLikePolicy(simulator.episode, policy(), writer)
-        drive_laps(simulator.episode, lambda _: simulator.look()["center"], corrected, conditions)
+        corrected = PersonLikePolicy(simulator.episode, request.driver(simulator.episode), writer)
+        drive_laps(simulator.episode, lambda _: simulator.look()["center"], corrected, request.conditions)
     return len(corrected.takeovers)
 
 
@@ -71,11 +68,9 @@ def record_corrections(model: Path, roads: list[str], folder: Path) -> None:
 def learned(weight: float, seed: int, options: argparse.Namespace) -> Path:
     """Learn from the corrections with a weight, unless that was done before; returns the path of the model."""
     out: Path = options.out / f"weight-{weight:g}-{seed}.pt"
-    if not out.exists():
-        data = [word for folder in [options.out / "corrections", *options.data] for word in ("--data", str(folder))]
-        words = ["--recipe", "corrections", "--start", str(options.model), *data, "--out", str(out)]
-        words += ["--samples.correction-weight", str(weight), "--seed", str(seed)]
-        subprocess.run([sys.executable, str(REPOSITORY / "model.py"), *words], check=True)
+    words = ["--recipe", "corrections", "--start", str(options.model), "--seed", str(seed)]
+    words += ["--samples.correction-weight", str(weight)]
+    train(out, [options.out / "corrections", *options.data], words)
     return out
 
 
@@ -99,8 +94,7 @@ def main() -> None:
     for weight, seed in itertools.product(options.weights, range(options.seeds)):
         models[f"weight {weight:g}, seed {seed}"] = learned(weight, seed, options)
     for name, model in models.items():
-        driven = interventions(model, roads[: options.roads])["interventions"]
-        print(f"{name:20} {driven.sum():4} interventions, {(driven == 0).sum()} of {len(driven)} roads without")
+        print_interventions(name, interventions(model, roads[: options.roads])["interventions"])
 
 
 if __name__ == "__main__":

@@ -79,16 +79,25 @@ def demonstrate_round(
     return done
 
 
+def first_part(model: Path, road: str) -> DriveRequest:
+    """Return a drive of the first part of a road."""
+    return DriveRequest(ModelPolicy(model), road, Conditions(laps=METRES / load_track(road).length))
+
+
 def interventions(model: Path, roads: list[str]) -> pd.DataFrame:
     """Drive the first part of each road; return the interventions per road."""
-    requests = [
-        DriveRequest(ModelPolicy(model), road, Conditions(laps=METRES / load_track(road).length)) for road in roads
-    ]
+    requests = [first_part(model, road) for road in roads]
     results = tqdm(run_tasks(run, requests, None, process_settings.for_driving), model.stem, len(roads), leave=False)
     found = {number: score(roads[number], [trajectory]) for number, trajectory in results}
     return pd.DataFrame(
         [{"road": roads[number], "interventions": found[number].interventions} for number in sorted(found)]
     )
+
+
+def print_interventions(name: str, driven: "pd.Series[int]") -> None:
+    """Print the sum of the interventions on all roads, and the number of roads without."""
+    clean = (driven == 0).sum()
+    print(f"{name:20} {driven.sum():4} interventions, {clean} of {len(driven)} roads without", flush=True)
 
 
 def improved(model: Path, way: str, seed: int, options: argparse.Namespace) -> Path:
@@ -123,8 +132,7 @@ def main() -> None:
         if not figures.exists():
             interventions(model, roads).to_csv(figures, index=False)
         driven = pd.read_csv(figures)["interventions"]
-        clean = (driven == 0).sum()
-        print(f"{name:20} {driven.sum():4} interventions, {clean} of {len(driven)} roads without", flush=True)
+        print_interventions(name, driven)
 
 
 if __name__ == "__main__":

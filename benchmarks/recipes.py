@@ -5,13 +5,12 @@
 The laps are what a person records in half an hour: one of lake, jungle and mountain in each direction, by a driver who
 wanders by 0.3 m, and 20 recoveries each. The students' recipes have a network each; all networks are also trained by
 the default recipe. Recordings and models are kept in --out and are not made again; results are kept in --board, and
-what has one is neither trained nor measured again, so that a long run can be interrupted and continued. docs/board has
-the results of this project: another --board makes all of them anew.
+what has one is neither trained nor measured again, so that a long run can be interrupted and continued. Those of this
+project belong in docs/board, in a folder for each suite: another --board makes all of them anew.
 """
 
 import argparse
 import itertools
-import subprocess
 import sys
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from tqdm import tqdm
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from benchmarks.held_out import train
 from pilot import process_settings
 from pilot.board.measurement import Contestant, Result, in_processes, measure_all, results_in
 from pilot.board.page import text_table, write_page
@@ -63,13 +63,6 @@ def record_laps(folder: Path) -> None:
         pass
 
 
-def train(way: str, seed: int, data: Path, model: Path) -> None:
-    """Train a model unless it exists."""
-    if not model.exists():
-        words = [*WAYS[way], "--seed", str(seed), "--data", str(data), "--out", str(model)]
-        subprocess.run([sys.executable, str(REPOSITORY / "model.py"), *words], check=True)
-
-
 def print_board(suite: Suite, results: list[Result]) -> None:
     """Print a line for each way with the figures of its seeds, the best first, and the agreement of the halves."""
     by_way: dict[str, list[Result]] = {}
@@ -93,19 +86,21 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--suite", choices=SUITES, default="v1")
     parser.add_argument("--out", type=Path, default=Path("recipes"))
-    parser.add_argument("--board", type=Path, default=REPOSITORY / "docs/board", help="folder of results and page")
+    parser.add_argument(
+        "--board", type=Path, default=REPOSITORY / "docs/board", help="folder of results and pages, by suite"
+    )
     parser.add_argument("--only", nargs="+", choices=WAYS, default=list(WAYS))
     parser.add_argument("--beside", type=Path, nargs="*", default=[], help="other models to measure")
     options = parser.parse_args()
     process_settings.for_driving()
-    suite, board, laps = SUITES[options.suite], options.board, options.out / LAPS.folder
+    suite, board, laps = SUITES[options.suite], options.board / options.suite, options.out / LAPS.folder
     board.mkdir(parents=True, exist_ok=True)
     measured = {result.name for result in results_in(board, suite)}
     for seed, way in itertools.product(range(options.seeds), options.only):
         model = options.out / f"{way}-{seed}.pt"
         if model.stem not in measured:
             record_laps(laps)
-            train(way, seed, laps, model)
+            train(model, [laps], [*WAYS[way], "--seed", str(seed)])
             measure_all(suite, [Contestant(model.stem, model)], board, in_processes())
     measure_all(suite, [Contestant(model.stem, model) for model in options.beside], board, in_processes())
     results = list(results_in(board, suite))

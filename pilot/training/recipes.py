@@ -112,7 +112,7 @@ _CORRECTIONS = replace(
     _BUILT_IN, recipe="corrections", epochs=3, min_steps=1200, patience=1000, learning_rate=5e-4, warm_up=50
 )
 # The same with the expert's corrections, which are as many as the demonstrations: see `pilot.training.improvement`.
-IMPROVEMENT = replace(_CORRECTIONS, epochs=2, samples=replace(_BUILT_IN.samples, correction_weight=1))
+IMPROVEMENT = replace(_CORRECTIONS, epochs=2, min_steps=0, samples=replace(_BUILT_IN.samples, correction_weight=1))
 RECIPES: dict[str, TrainingConfig] = {
     "default": _DEFAULT,
     "built-in": _BUILT_IN,
