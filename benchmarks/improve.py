@@ -60,7 +60,7 @@ def hard_roads(number: int) -> list[str]:
 def demonstrate(task: Demonstration) -> CorrectedDrive:
     """Record the expert's laps and recoveries on one road."""
     rows = record(task.track, RANDOM_TRACKS, task.folder)
-    return CorrectedDrive(task.track, 1, rows, 0.0)
+    return CorrectedDrive(task.track, 1, rows, rows / RANDOM_TRACKS.rate)
 
 
 def demonstrate_round(

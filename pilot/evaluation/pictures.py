@@ -116,7 +116,7 @@ def draw_path(axis: Axes, trajectory: Trajectory, *, marked: bool = True) -> Lin
 def _draw_cross_track_errors(axis: Axes, track: Track, trajectories: Sequence[Trajectory]) -> None:
     places = np.arange(len(track.points)) * track.length / len(track.points)
     lowest, highest = (side * (track.half_widths - HALF_TRACK) - track.lane for side in (-1, 1))
-    axis.fill_between(places, lowest, highest, color=ASPHALT, linewidth=0, label="all wheels on the road")
+    axis.fill_between(places, lowest, highest, color=ASPHALT, linewidth=0, label="rear wheels on the road")
     axis.axhline(0, color="white", linewidth=1.2)
     for number, trajectory in enumerate(trajectories):
         place = track.locate(*trajectory.positions[0]).progress + trajectory.progress
