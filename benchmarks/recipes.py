@@ -3,10 +3,13 @@
     python benchmarks/recipes.py [--seeds 3] [--suite v1] [--out recipes] [--board docs/board] [--only NAME...]
 
 The laps are what a person records in half an hour: one of lake, jungle and mountain in each direction, by a driver who
-wanders by 0.3 m, and 20 recoveries each. The students' recipes have a network each; all networks are also trained by
-the default recipe. Recordings and models are kept in --out and are not made again; results are kept in --board, and
-what has one is neither trained nor measured again, so that a long run can be interrupted and continued. Those of this
-project belong in docs/board, in a folder for each suite: another --board makes all of them anew.
+wanders by 0.3 m, and 20 recoveries each. They are recorded with one row per second, which makes the whole board take
+hours instead of days, and with five for networks that see an earlier frame or predict the next ones. The students'
+recipes have a network each; all networks are also trained by the default recipe or by `sequences`.
+
+Recordings and models are kept in --out and are not made again; results are kept in --board, and what has one is neither
+trained nor measured again, so that a long run can be interrupted and continued. Those of this project belong in
+docs/board, in a folder for each suite: another --board makes all of them anew.
 """
 
 import argparse
@@ -30,18 +33,23 @@ from pilot.simulator.demonstration import DemonstrationConfig
 from pilot.simulator.demonstrations import DemonstrationSet, record_demonstrations
 
 REPOSITORY = Path(__file__).parents[1]
-LAPS = DemonstrationSet(
-    "laps",
-    dict.fromkeys(
-        both_ways(["lake", "jungle", "mountain"]), DemonstrationConfig(laps=1, recoveries=20, rate=1.0, wander=0.3)
-    ),
-)
-# options of model.py by name in the table; networks that see or predict more than now need more rows a second
+
+
+def laps_at(rate: float, folder: str) -> DemonstrationSet:
+    """Return the laps of all ways with a number of rows per second."""
+    each = DemonstrationConfig(laps=1, recoveries=20, rate=rate, wander=0.3)
+    return DemonstrationSet(folder, dict.fromkeys(both_ways(["lake", "jungle", "mountain"]), each))
+
+
+SPARSE, DENSE = laps_at(1.0, "laps"), laps_at(5.0, "dense_laps")
+SEQUENCES = "sequences"
+# options of model.py by name in the table
 WAYS = {
     name: ("--recipe", name)
     for name in (
         "default",
         "built-in",
+        SEQUENCES,
         "nvidia-rotations",
         "nvidia-rotations-no-l2",
         "lenet5-rotations",
@@ -51,16 +59,23 @@ WAYS = {
         "densenet-spikes",
     )
 } | {
-    f"default-{name}": ("--recipe", "default", "--network", name)
-    for name in ("pilotnet_standardised", "nvidia", "lenet5", "lenet", "simplenet", "densenet")
+    f"{recipe}-{name}": ("--recipe", recipe, "--network", name)
+    for recipe, names in (
+        ("default", ("pilotnet_standardised", "nvidia", "lenet5", "lenet", "simplenet", "densenet")),
+        (SEQUENCES, ("pilotnet_standardised", "pilotnet_speed", "pilotnet_ahead", "pilotnet_history")),
+    )
+    for name in names
 }
 
 
-def record_laps(folder: Path) -> None:
-    """Record the laps that are missing in a folder."""
-    tracks = [(track, LAPS.tracks[track]) for track in LAPS.missing(folder)]
+def laps_of(way: str, out: Path) -> Path:
+    """Record what is missing of the laps of a way; returns their folder."""
+    laps = DENSE if way.startswith(SEQUENCES) else SPARSE
+    folder = out / laps.folder
+    tracks = [(track, laps.tracks[track]) for track in laps.missing(folder)]
     for _ in tqdm(record_demonstrations(folder, tracks), "recording", len(tracks), unit=" tracks", leave=False):
         pass
+    return folder
 
 
 def print_board(suite: Suite, results: list[Result]) -> None:
@@ -93,14 +108,13 @@ def main() -> None:
     parser.add_argument("--beside", type=Path, nargs="*", default=[], help="other models to measure")
     options = parser.parse_args()
     process_settings.for_driving()
-    suite, board, laps = SUITES[options.suite], options.board / options.suite, options.out / LAPS.folder
+    suite, board = SUITES[options.suite], options.board / options.suite
     board.mkdir(parents=True, exist_ok=True)
     measured = {result.name for result in results_in(board, suite)}
     for seed, way in itertools.product(range(options.seeds), options.only):
         model = options.out / f"{way}-{seed}.pt"
         if model.stem not in measured:
-            record_laps(laps)
-            train(model, [laps], [*WAYS[way], "--seed", str(seed)])
+            train(model, [laps_of(way, options.out)], [*WAYS[way], "--seed", str(seed)])
             measure_all(suite, [Contestant(model.stem, model)], board, in_processes())
     measure_all(suite, [Contestant(model.stem, model) for model in options.beside], board, in_processes())
     results = list(results_in(board, suite))
