@@ -1,9 +1,9 @@
 """Trains NVIDIA's network with Keras on recordings, as many did; uses nothing of this project. See docs/models.md.
 
 python simulator.py record --track lake --laps 1 --recoveries 20 --rate 4 --wander 0.3 --out data/lake
-python examples/train_keras.py data/lake     # with TensorFlow; writes lake.keras
-python export.py lake.keras                  # without TensorFlow; writes lake.onnx
-python evaluate.py lake.onnx --tracks lake
+python examples/train_keras.py data/lake     # with TensorFlow; writes nvidia.keras
+python export.py nvidia.keras                # without TensorFlow; writes nvidia.onnx
+python evaluate.py nvidia.onnx --tracks lake
 
 The network: M. Bojarski et al., End to End Learning for Self-Driving Cars (2016), arXiv 1604.07316. Cropping and
 scaling are layers, so that it takes frames as they come from the simulator.
@@ -11,6 +11,7 @@ scaling are layers, so that it takes frames as they come from the simulator.
 
 import argparse
 import csv
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -44,7 +45,7 @@ class Batches(keras.utils.PyDataset):  # type: ignore[misc]
         self.on_epoch_end()
 
     def __len__(self) -> int:
-        return len(self.samples) // BATCH
+        return math.ceil(len(self.samples) / BATCH)
 
     def __getitem__(self, number: int) -> tuple[Any, Any]:
         images, steering = [], []
@@ -86,7 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Train on recordings, and save the network."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("recordings", type=Path, nargs="+")
-    parser.add_argument("--out", type=Path, help="default: the first recording's name, such as lake.keras")
+    parser.add_argument("--out", type=Path, default=Path("nvidia.keras"))
     parser.add_argument("--epochs", type=int, default=10)
     parser.add_argument("--correction", type=float, default=0.2, help="of the steering for the side cameras")
     parser.add_argument("--seed", type=int, default=0)
@@ -95,9 +96,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     network = nvidia_network()
     network.compile(keras.optimizers.Adam(1e-3), "mse")
     network.fit(Batches(options.recordings, options.correction, options.seed), epochs=options.epochs)
-    out = options.out or Path(f"{options.recordings[0].name}.keras")
-    network.save(out)
-    print(f"network: {out}")
+    network.save(options.out)
+    print(f"network: {options.out}")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 import torch
+from conftest import REPOSITORY, Recording, picture
 
 from pilot.commands import export
 from pilot.model.checkpoint import UnusableModel
@@ -142,13 +143,29 @@ open("alone.json", "w").write(kept.to_json())
 """
 
 
-def test_a_freshly_trained_network(tmp_path: Path) -> None:
-    """Trained in another process: TensorFlow changes settings of the whole process."""
+@pytest.fixture
+def _tensorflow() -> None:
+    """Keras trains in another process: TensorFlow changes settings of the whole process."""
     pytest.importorskip("keras", reason="needs Keras and TensorFlow: pip install tensorflow-cpu")
     pytest.importorskip("tensorflow", reason="needs TensorFlow: pip install tensorflow-cpu")
+
+
+@pytest.mark.usefixtures("_tensorflow")
+def test_a_freshly_trained_network(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-W", "ignore", "-c", TRAINING], cwd=tmp_path, check=True, capture_output=True)
     known = np.load(tmp_path / "known.npz")
     for name in ("model.keras", "model.h5", "alone.weights.h5"):
         with torch.inference_mode():
             got = keras_network(read_keras(tmp_path / name), {})(torch.from_numpy(known["images"]))
         assert np.abs(got.numpy() - known["outputs"]).max() < 1e-5, name
+
+
+@pytest.mark.usefixtures("_tensorflow")
+def test_the_example_trains_on_a_recording_what_can_be_converted(recording: Recording, tmp_path: Path) -> None:
+    example = REPOSITORY / "examples/train_keras.py"
+    command = [sys.executable, str(example), str(recording()), "--epochs", "10", "--correction", "0"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    assert export.main([str(tmp_path / "nvidia.keras")]) == 0
+    predict = load_onnx(tmp_path / "nvidia.onnx").predict
+    left, right = (predict(picture(steering))[0] for steering in (-0.5, 0.5))
+    assert right - left > 0.1
