@@ -92,6 +92,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--correction", type=float, default=0.2, help="of the steering for the side cameras")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args(arguments)
+    for folder in options.recordings:
+        if not (folder / "driving_log.csv").is_file():
+            parser.error(f"{folder}: contains no driving_log.csv, so it is no recording")
     keras.utils.set_random_seed(options.seed)
     network = nvidia_network()
     network.compile(keras.optimizers.Adam(1e-3), "mse")
