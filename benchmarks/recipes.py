@@ -79,18 +79,20 @@ def laps_of(way: str, out: Path) -> Path:
 
 
 def print_board(suite: Suite, results: list[Result]) -> None:
-    """Print a line for each way with the figures of its seeds, the best first, and the agreement of the halves."""
+    """Print a Markdown table with the figures of each way's seeds, the best first, and the agreement of the halves."""
     by_way: dict[str, list[Result]] = {}
     for result in results:
         by_way.setdefault(result.name.rpartition("-")[0] or result.name, []).append(result)
     points = {way: [mean_points(each.drives) for each in found] for way, found in by_way.items()}
-    print(f"{'':32} {'points':>6} {'of each seed':20} {'interventions':20} {'mph':>5}")
+    print(
+        "| recipe, or recipe and network | points | of each seed | interventions of each | mph |\n|---|---:|---|---|---:|"
+    )
     for way in sorted(points, key=lambda each: -float(np.mean(points[each]))):
         found = by_way[way]
         interventions = ", ".join(str(sum(drive.interventions for drive in each.drives)) for each in found)
         speed = np.mean([drive.speed for each in found for drive in each.drives])
         each_seed = ", ".join(f"{value:.1f}" for value in points[way])
-        print(f"{way:32} {np.mean(points[way]):6.1f} {each_seed:20} {interventions:20} {speed:5.1f}")
+        print(f"| `{way}` | {np.mean(points[way]):.1f} | {each_seed} | {interventions} | {speed:.1f} |")
     halves = [drive.half for drive in suite.drives]
     print(f"rank agreement of the halves: {rank_agreement([each.drives for each in results], halves):.2f}")
 
