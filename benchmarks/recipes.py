@@ -84,9 +84,7 @@ def print_board(suite: Suite, results: list[Result]) -> None:
     for result in results:
         by_way.setdefault(result.name.rpartition("-")[0] or result.name, []).append(result)
     points = {way: [mean_points(each.drives) for each in found] for way, found in by_way.items()}
-    print(
-        "| recipe, or recipe and network | points | of each seed | interventions of each | mph |\n|---|---:|---|---|---:|"
-    )
+    print("| recipe, network | points | of each seed | interventions of each | mph |\n|---|---:|---|---|---:|")
     for way in sorted(points, key=lambda each: -float(np.mean(points[each]))):
         found = by_way[way]
         interventions = ", ".join(str(sum(drive.interventions for drive in each.drives)) for each in found)
