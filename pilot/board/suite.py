@@ -84,36 +84,45 @@ class Suite:
 LIGHTS = ("noon", "clear", "evening", "overcast")
 CONDITIONS = ((40, 0.0), (140, 0.0), (40, 0.05), (140, 0.05))  # latency in ms, share of lost frames
 ROADS = ("lake", "jungle", "mountain")
-FIRST_RANDOM = 4000  # seed of the random roads, which are in no demonstration
 METRES = 400.0
 LATENCIES = (40, 120, 200, 300, 400)  # ms
-FIRST_OF_LATENCY = 5000  # seed of the random roads
+# seeds of the first random roads of each suite, which are in no demonstration
+FIRST_RANDOM, FIRST_OF_LATENCY, FIRST_OF_LONG = 4000, 5000, 6000
 
 
-def _first_version() -> Suite:
-    """Return 24 drives on lake, jungle and mountain in both directions, and 24 on random roads.
+def _of_all_kinds(version: str, turns: int, first_random: int) -> Suite:
+    """Return drives on lake, jungle and mountain in both directions, and as many on random roads.
 
     Each road is driven in all lights and conditions, and each light occurs with each condition.
+
+    Args:
+        version: of the suite.
+        turns: drives on each named road in each direction, a multiple of four.
+        first_random: seed of the first random road.
     """
     named = [
         SuiteDrive(
-            track, *_setting(road + (0, 2, 1, 3)[turn], turn + 2 * road), start=turn, half=turn // 2, metres=METRES
+            track,
+            *_setting(road + (0, 2, 1, 3)[turn % 4], turn + turn // 4 + 2 * road),
+            start=turn,
+            half=turn // 2 % 2,
+            metres=METRES,
         )
-        for turn in range(4)
+        for turn in range(turns)
         for road, track in enumerate(both_ways(list(ROADS)))
     ]
     random = [
         SuiteDrive(
-            f"random:{FIRST_RANDOM + number}" + REVERSED * (number // 2 % 2),
+            f"random:{first_random + number}" + REVERSED * (number // 2 % 2),
             *_setting(number // 2, number // 2 + number // 8),
             start=number,
             half=number % 2,
             metres=METRES,
         )
-        for number in range(24)
+        for number in range(len(named))
     ]
     return Suite(
-        "v1",
+        version,
         (*named, *random),
         "on lake, jungle, mountain and random roads, in all lights, with latencies of 40 and 140 ms and up to 5 % of "
         "the frames lost",
@@ -141,4 +150,7 @@ def _setting(light: int, condition: int) -> tuple[str, int, float]:
     return (LIGHTS[light % len(LIGHTS)], *CONDITIONS[condition % len(CONDITIONS)])
 
 
-SUITES = {suite.version: suite for suite in (_first_version(), _latency())}
+SUITES = {
+    suite.version: suite
+    for suite in (_of_all_kinds("v1", 4, FIRST_RANDOM), _of_all_kinds("long-v1", 12, FIRST_OF_LONG), _latency())
+}

@@ -42,7 +42,7 @@ class EvaluationConfig:
     """Lights in which each track is driven. Default: the track's own."""
     seeds: tuple[int, ...] = ()
     """Seeds of random start positions, one episode each. Default: the start line."""
-    suite: Literal["v1", "latency-v1"] | None = None
+    suite: Literal["v1", "long-v1", "latency-v1"] | None = None
     """Measure by a frozen suite of drives instead, with one score, and write the page board.html: docs/board.md."""
     conditions: tyro.conf.OmitArgPrefixes[Conditions] = field(default_factory=Conditions)
     recordings: tuple[Path, ...] = ()

@@ -32,16 +32,20 @@ V1 = SUITES["v1"]
 def test_the_suites_have_not_changed() -> None:
     """If this fails, results of different times are not comparable: what changed must become a new version."""
     assert V1.digest == "1028cffdc6c25d3b9a3eeb2d7a24e3939b100871990408f3f548151099c4a5b5"
+    assert SUITES["long-v1"].digest == "4c1492a673b1048ecb86d27117299f7c403cbd37e6ac73cad5ea1aec37ebb18c"
     assert SUITES["latency-v1"].digest == "226d8c2113847afefdf1fc7747ab246ba4e8b6517af6158de74d0c8440b8c863"
 
 
-def test_the_halves_of_a_suite_are_of_the_same_kind() -> None:
+@pytest.mark.parametrize("version", ["v1", "long-v1"])
+def test_the_halves_of_a_suite_are_of_the_same_kind(version: str) -> None:
     for what in (
         lambda drive: drive.light,
         lambda drive: (drive.latency_ms, drive.lost_frames),
         lambda drive: drive.track if "random" not in drive.track else "random",
     ):
-        first, second = (Counter(what(drive) for drive in V1.drives if drive.half == half) for half in (0, 1))
+        first, second = (
+            Counter(what(drive) for drive in SUITES[version].drives if drive.half == half) for half in (0, 1)
+        )
         assert first == second
 
 
