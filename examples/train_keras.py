@@ -22,8 +22,11 @@ import numpy as np
 
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")  # read by TensorFlow when it is imported
 
-import keras
-from keras import layers
+try:
+    import keras
+    from keras import layers
+except ModuleNotFoundError as error:
+    raise SystemExit(f"{error}: this example needs pip install tensorflow-cpu") from None
 
 CAMERAS = {0: 0, 1: 1, 2: -1}  # column of the log (centre, left, right): factor of the correction
 BATCH = 64

@@ -21,12 +21,16 @@ import numpy as np
 import torch
 import tyro
 from gymnasium.wrappers import ResizeObservation
-from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.env_util import make_vec_env
-from stable_baselines3.common.utils import LinearSchedule
-from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 from tqdm import tqdm
+
+try:
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.env_util import make_vec_env
+    from stable_baselines3.common.utils import LinearSchedule
+    from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
+except ModuleNotFoundError as error:
+    raise SystemExit(f"{error}: this example needs pip install stable-baselines3==2.9.2") from None
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
