@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import kendalltau
 
+from pilot.arrays import Floats
 from pilot.board.suite import SPEED
 from pilot.simulator.scores import Interval, score
 from pilot.simulator.track import Track
@@ -99,11 +100,16 @@ def rank_agreement(models: Sequence[Sequence[DrivePoints]], halves: Sequence[int
     """Return Kendall's tau between the models' scores in the two halves of a suite; nan with fewer than two models.
 
     Args:
-        models: the drives of each model.
-        halves: to which half each drive belongs, 0 or 1.
+        models: the drives of each model, or those of several trainings of it, one training after the other.
+        halves: to which half each drive of the suite belongs, 0 or 1.
     """
     if len(models) < 2:
         return math.nan
-    points = np.array([[drive.points for drive in drives] for drives in models])
+    points = np.array([_by_drive(drives, len(halves)) for drives in models])
     chosen = np.array(halves)
     return float(kendalltau(points[:, chosen == 0].mean(1), points[:, chosen == 1].mean(1)).statistic)
+
+
+def _by_drive(drives: Sequence[DrivePoints], count: int) -> Floats:
+    """Return the points of each drive of a suite of `count` drives, the means of several trainings."""
+    return np.mean(np.reshape([drive.points for drive in drives], (-1, count)), axis=0)  # type: ignore[no-any-return]

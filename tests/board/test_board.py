@@ -99,6 +99,8 @@ def test_rank_agreement_of_halves() -> None:
         for each, half in zip(drives(10), halves, strict=True)
     )
     assert rank_agreement([turned, drives(20)], halves) == -1.0
+    # the turned training and a much better one of the same model: on average better in both halves
+    assert rank_agreement([(*turned, *drives(70)), drives(20)], halves) == 1.0
 
 
 def result(name: str, points: float) -> Result:
