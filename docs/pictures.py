@@ -3,8 +3,8 @@
     python docs/pictures.py model.pt
 
 The cameras' pictures of every track on one sheet; the two real roads from above; the page, photographed in
-headless Chromium while drive.py drives the lake; a frame of a clip of that drive; the data page; and the page of the
-board in the folder board/, if docs/board.md's command has been run.
+headless Chromium while drive.py drives the lake; a frame of a clip of that drive; the data page; the table of the
+board in docs/board; and the board's page in the folder board/, if docs/board.md's command has been run.
 """
 
 import contextlib
@@ -155,9 +155,9 @@ def photograph_data(model: Path, folder: Path, target: Path) -> None:
         process.send_signal(signal.SIGINT)
 
 
-def photograph_board(page: Path, target: Path) -> None:
-    """The board's page."""
-    with opened_browser((1280, 760)) as browser:
+def photograph_board(page: Path, size: tuple[int, int], target: Path) -> None:
+    """The upper part of a board's page."""
+    with opened_browser(size) as browser:
         browser.get(page.as_uri())
         browser.save_screenshot(str(target))
 
@@ -183,8 +183,9 @@ def main(model: Path) -> None:
             photograph(ROOT / "docs" / "page.png", ROOT / "docs" / "page_narrow.png")
         draw_clip_frame(run, model, ROOT / "docs" / "clip.png")
         photograph_data(model, Path(name) / "data", ROOT / "docs" / "data_page.png")
+    photograph_board(ROOT / "docs" / "board" / "v1" / "board.html", (1420, 2300), ROOT / "docs" / "board_recipes.png")
     if (board := ROOT / "board" / "board.html").exists():
-        photograph_board(board, ROOT / "docs" / "board.png")
+        photograph_board(board, (1280, 760), ROOT / "docs" / "board.png")
 
 
 if __name__ == "__main__":
