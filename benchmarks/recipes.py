@@ -86,7 +86,8 @@ def print_board(suite: Suite, results: list[Result]) -> None:
     """
     by_way: dict[str, list[Result]] = {}
     for result in results:
-        by_way.setdefault(result.name.rpartition("-")[0] or result.name, []).append(result)
+        way = result.name.rpartition("-")[0]
+        by_way.setdefault(way if way in WAYS else result.name, []).append(result)
     points = {way: [mean_points(each.drives) for each in found] for way, found in by_way.items()}
     print("| recipe, network | points | of each seed | interventions of each | mph |\n|---|---:|---|---|---:|")
     for way in sorted(points, key=lambda each: -float(np.mean(points[each]))):
