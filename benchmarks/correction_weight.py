@@ -41,11 +41,10 @@ class Correction:
 class PersonLikePolicy(CorrectedPolicy):
     """Records only the rows in which the expert steers."""
 
-    def _record(
-        self, frame: Frame, command: tuple[float, float], pause: float, quality: int = STANDARD.quality
-    ) -> None:
-        if self._corrects:
-            super()._record(frame, command, pause, quality)
+    def record(self, frame: Frame, command: tuple[float, float], pause: float, quality: int = STANDARD.quality) -> None:
+        """Record a row, if the expert steers."""
+        if self.corrects:
+            super().record(frame, command, pause, quality)
 
 
 def correct(task: Correction) -> int:

@@ -115,6 +115,7 @@ class CorrectedPolicy:
 
     Attributes:
         takeovers: where the expert took over, metres along the track.
+        corrects: whether the expert steers.
         signature: what the model sees and answers.
     """
 
@@ -131,7 +132,7 @@ class CorrectedPolicy:
         self.takeovers: list[float] = []
         self._expert = Expert(episode, speed=30.0)
         self._lines = lines(episode.track, LINE_SPREAD)
-        self._corrects = False
+        self.corrects = False
         self._frames = 0
         self._seconds = 0.0  # time of the last row
 
@@ -140,18 +141,24 @@ class CorrectedPolicy:
         command = self._expert_command()
         if self._frames % FRAMES_PER_ROW == 0:
             newest = frame[0] if self.signature.history else frame
-            self._record(newest, command, FRAMES_PER_ROW * TICKS * TICK)
+            self.record(newest, command, FRAMES_PER_ROW * TICKS * TICK)
         self._frames += 1
         self._decide()
-        return command[0] if self._corrects else self.steer(frame)
+        return command[0] if self.corrects else self.steer(frame)
 
     def _expert_command(self) -> tuple[float, float]:
         self._expert.follow(float(np.clip(self.episode.where.lateral_offset, *self._lines)))
         return self._expert.command()
 
-    def _record(
-        self, frame: Frame, command: tuple[float, float], pause: float, quality: int = STANDARD.quality
-    ) -> None:
+    def record(self, frame: Frame, command: tuple[float, float], pause: float, quality: int = STANDARD.quality) -> None:
+        """Record what the expert would do.
+
+        Args:
+            frame: what is seen: 160x320x3 uint8 RGB.
+            command: steering and throttle of the expert, -1..1 each.
+            pause: seconds since the row before.
+            quality: of the JPEG image, 0..100.
+        """
         self._seconds += pause
         speed = max(self.episode.state.speed, 0.0)
         self.writer.write({"center": frame}, self._seconds, command, speed, quality=quality, steerer="expert")
@@ -161,11 +168,11 @@ class CorrectedPolicy:
         state, where, track = self.episode.state, self.episode.where, self.episode.track
         drift = self.episode.car.speed * math.sin(state.heading_error) * AHEAD_SECONDS
         edge = track.largest_offset - CLEARANCE
-        if not self._corrects and abs(where.lateral_offset + drift) > edge:
-            self._corrects = True
+        if not self.corrects and abs(where.lateral_offset + drift) > edge:
+            self.corrects = True
             self.takeovers.append(where.progress)
         elif abs(self._expert.error) < SAFE_METRES and abs(state.heading_error) < SAFE_HEADING:
-            self._corrects = False
+            self.corrects = False
 
     def record_views(self, simulator: Simulator, seed: int) -> None:
         """Record what the expert would do around the places of the takeovers, and anywhere on the road."""
@@ -175,7 +182,7 @@ class CorrectedPolicy:
             offset, heading = float(random.uniform(-edge, edge)), float(random.normal(0, VIEW_HEADING))
             self.episode.place(place, offset - track.lane, heading, VIEW_MPH)
             variation = draw_variation(random)
-            self._record(simulator.look(variation)["center"], self._expert_command(), PAUSE, variation.quality)
+            self.record(simulator.look(variation)["center"], self._expert_command(), PAUSE, variation.quality)
 
     def _view_places(self, random: np.random.Generator) -> list[float]:
         """Return places in metres along the track."""
