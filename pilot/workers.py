@@ -65,17 +65,18 @@ def run_tasks(
 
 @contextmanager
 def _workers(processes: int, set_up: Callable[[], None] | None) -> Iterator[ProcessPoolExecutor]:
-    """Provide worker processes for the block; if it raises or is left early, running tasks are terminated."""
+    """Provide worker processes for the block; they end with it, and tasks still running are terminated.
+
+    Not waiting for their interpreters to exit by themselves saves almost a second.
+    """
     others = set(multiprocessing.active_children())
     # spawned, because a fork would not copy the threads of the renderer and PyTorch
     executor = ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _begin, (set_up,))
     try:
         yield executor
-    except BaseException:
+    finally:
         executor.shutdown(wait=False, cancel_futures=True)
         _end(set(multiprocessing.active_children()) - others)
-        raise
-    executor.shutdown()
 
 
 def _end(workers: set[BaseProcess]) -> None:
