@@ -133,13 +133,12 @@ def evaluate(config: EvaluationConfig) -> None:
     from pilot.evaluation.table import table, verdict, write_json
 
     process_settings.for_driving()
-    names = name_paths(config.models)
-    drivers = {name: make_driver(path) for name, path in zip(names, config.models, strict=True)}
+    drivers = {each.name: each.driver for each in contestants(config.models)}
     scenarios = [*track_scenarios(config), *recording_scenarios(config)]
     trajectories = drive_all(config, drivers, scenarios)
     evaluations = [
         report(config.out / name, name, {scenario: trajectories[name, scenario.title] for scenario in scenarios})
-        for name in names
+        for name in drivers
     ]
     write_json(config.out / "scores.json", evaluations, asdict(config))
     show("\n".join([table(evaluations), "", *map(verdict, evaluations)]))
@@ -152,18 +151,14 @@ def measure(config: EvaluationConfig) -> None:
     Raises:
         ValueError, OSError, RuntimeError: the evaluation is not possible; the message says why and what to do.
     """
-    from pilot.board.measurement import Contestant, results_in
+    from pilot.board.measurement import results_in
     from pilot.board.page import rank, text_table, write_page
     from pilot.board.suite import SUITES
 
     process_settings.for_driving()
     suite = SUITES[str(config.suite)]
-    contestants = [
-        Contestant(name, None if path == EXPERT else path)
-        for name, path in zip(name_paths(config.models), config.models, strict=True)
-    ]
     try:
-        measure_with(config, suite, contestants)
+        measure_with(config, suite, contestants(config.models))
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"what is measured is in {config.out}; the same command continues") from None
     results = list(results_in(config.out, suite))
@@ -171,7 +166,7 @@ def measure(config: EvaluationConfig) -> None:
     show(f"page: {write_page(config.out, suite, results)}")
 
 
-def measure_with(config: EvaluationConfig, suite: "Suite", contestants: "Sequence[Contestant]") -> None:
+def measure_with(config: EvaluationConfig, suite: "Suite", drivers: "Sequence[Contestant]") -> None:
     """Measure models with the engine that was chosen.
 
     Raises:
@@ -182,10 +177,10 @@ def measure_with(config: EvaluationConfig, suite: "Suite", contestants: "Sequenc
     from pilot.board.measurement import in_processes, measure_all
 
     if config.dask is None:
-        measure_all(suite, contestants, config.out, in_processes(config.jobs), clips=config.video)
+        measure_all(suite, drivers, config.out, in_processes(config.jobs), clips=config.video)
         return
     with Cluster(config.dask) as cluster:
-        measure_all(suite, contestants, config.out, cluster.run)
+        measure_all(suite, drivers, config.out, cluster.run)
 
 
 def track_scenarios(config: EvaluationConfig) -> "list[Scenario]":
@@ -249,19 +244,23 @@ def name_paths(paths: Sequence[Path]) -> list[str]:
     return names
 
 
-def make_driver(path: Path) -> "PolicyFactory":
-    """Return what makes the steering policy of a model, or of the expert.
+def contestants(models: Sequence[Path]) -> "list[Contestant]":
+    """Return the drivers that are to be evaluated: models, and possibly the expert.
 
     Raises:
-        UnusableModel: the file is missing, damaged, or not a model of this program.
+        UnusableModel: a model cannot be loaded; so it is refused before minutes of driving.
+        ValueError: a path is given twice.
     """
-    from pilot.evaluation.closed_loop import ModelPolicy, expert_policy
+    from pilot.board.measurement import Contestant
     from pilot.portable.loading import load
 
-    if path == EXPERT:
-        return expert_policy
-    load(path)  # an unusable model is refused before minutes of driving
-    return ModelPolicy(path)
+    for path in models:
+        if path != EXPERT:
+            load(path)
+    return [
+        Contestant(name, None if path == EXPERT else path)
+        for name, path in zip(name_paths(models), models, strict=True)
+    ]
 
 
 def drive_all(
