@@ -54,7 +54,7 @@ class ServeConfig:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Serve until Ctrl-C, with the options in `arguments` (default: sys.argv), and return the exit code."""
-    config = tyro.cli(ServeConfig, prog=PROGRAM, args=arguments)
+    config = cli.parse(ServeConfig, PROGRAM, arguments)
 
     def drive() -> None:
         config.check()

@@ -114,7 +114,7 @@ def default_tracks() -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Evaluate with the options in `arguments` (default: sys.argv), and return the exit code."""
-    config = tyro.cli(EvaluationConfig, prog=PROGRAM, args=arguments)
+    config = cli.parse(EvaluationConfig, PROGRAM, arguments)
 
     def check_and_evaluate() -> None:
         config.check()

@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     command = words.pop(0) if words and words[0] in COMMANDS else ""
     config, action = COMMANDS[command]
-    options = tyro.cli(config, prog=f"{PROGRAM} {command}".strip(), args=words)
+    options = cli.parse(config, f"{PROGRAM} {command}".strip(), words)
     return cli.run(PROGRAM, lambda: action(options), verbose=True)
 
 

@@ -1,5 +1,10 @@
 """Wrong options of simulator.py and drive.py, and the exit codes of all commands."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 from pilot import cli
@@ -57,3 +62,13 @@ def test_errors_and_ctrl_c_end_every_command_alike(capsys: pytest.CaptureFixture
     assert cli.run("video.py", failing) == 1
     assert cli.run("video.py", lambda: None) == 0
     assert capsys.readouterr().err == "\nInterrupted: no clip was written.\nvideo.py: the disk is full: make room\n"
+
+
+@pytest.mark.parametrize("script", ["evaluate.py", "model.py"])
+def test_the_help_may_be_read_in_part(script: str) -> None:
+    command = [sys.executable, str(Path(cli.__file__).parents[1] / script), "--help"]
+    reading, writing = os.pipe()
+    os.close(reading)  # as head does
+    done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writing)
+    assert done.stderr == ""
