@@ -3,15 +3,11 @@
 import logging
 import socket
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
-
-import tyro
 
 from pilot.terminal import PrintableFormatter, printable
 
-Options = TypeVar("Options")
 INTERRUPTED = 130  # exit code after Ctrl-C by the convention of shells: 128 + SIGINT
 
 
@@ -19,21 +15,6 @@ def program(script: str) -> str:
     """Return the name by which the user called this command: `script` in a clone, or that of the installed command."""
     called = Path(sys.argv[0]).stem
     return called if called.startswith("pilot-") else script
-
-
-def parse(options: type[Options], name: str, arguments: Sequence[str] | None) -> Options:
-    """Return the options of a command; --help and invalid options end the program.
-
-    Args:
-        options: dataclass of the options.
-        name: name of the command.
-        arguments: the words after the name; None: those of sys.argv.
-    """
-    try:
-        return tyro.cli(options, prog=name, args=arguments)
-    except BrokenPipeError:
-        _write_no_more()
-        sys.exit(1)
 
 
 def run(name: str, action: Callable[[], None], *, verbose: bool = False) -> int:
@@ -59,18 +40,13 @@ def run(name: str, action: Callable[[], None], *, verbose: bool = False) -> int:
     except KeyboardInterrupt as interrupt:
         print(f"\nInterrupted{f': {printable(interrupt)}' if str(interrupt) else ''}.", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:
-        _write_no_more()
+    except BrokenPipeError:  # the program that read the output has ended, such as head
+        sys.stdout = None  # nothing is written to it any more, not even at the exit
         return 1
     except (ValueError, OSError, RuntimeError) as error:
         print(f"{name}: {printable(error)}", file=sys.stderr)
         return 1
     return 0
-
-
-def _write_no_more() -> None:
-    """Write nothing to the standard output, not even at the exit: what read it, such as head, has ended."""
-    sys.stdout = None
 
 
 def check_address(host: str, port: int) -> None:

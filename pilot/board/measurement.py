@@ -58,6 +58,15 @@ class Contestant:
         """
         return load(self.path).name if self.path else "knows the road"
 
+    def check(self) -> None:
+        """Load the model, if it is one.
+
+        Raises:
+            UnusableModel: it cannot be loaded.
+        """
+        if self.path:
+            load(self.path)
+
 
 @dataclass(frozen=True)
 class Result:

@@ -54,9 +54,9 @@ class ServeConfig:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Serve until Ctrl-C, with the options in `arguments` (default: sys.argv), and return the exit code."""
-    config = cli.parse(ServeConfig, PROGRAM, arguments)
 
     def drive() -> None:
+        config = tyro.cli(ServeConfig, prog=PROGRAM, args=arguments)
         config.check()
         serve(config)
 

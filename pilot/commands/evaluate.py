@@ -114,9 +114,9 @@ def default_tracks() -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Evaluate with the options in `arguments` (default: sys.argv), and return the exit code."""
-    config = cli.parse(EvaluationConfig, PROGRAM, arguments)
 
     def check_and_evaluate() -> None:
+        config = tyro.cli(EvaluationConfig, prog=PROGRAM, args=arguments)
         config.check()
         (measure if config.suite else evaluate)(config)
 
@@ -133,7 +133,10 @@ def evaluate(config: EvaluationConfig) -> None:
     from pilot.evaluation.table import table, verdict, write_json
 
     process_settings.for_driving()
-    drivers = {each.name: each.driver for each in contestants(config.models)}
+    entrants = contestants(config.models)
+    for each in entrants:
+        each.check()  # an unusable model is refused before minutes of driving
+    drivers = {each.name: each.driver for each in entrants}
     scenarios = [*track_scenarios(config), *recording_scenarios(config)]
     trajectories = drive_all(config, drivers, scenarios)
     evaluations = [
@@ -248,15 +251,10 @@ def contestants(models: Sequence[Path]) -> "list[Contestant]":
     """Return the drivers that are to be evaluated: models, and possibly the expert.
 
     Raises:
-        UnusableModel: a model cannot be loaded; so it is refused before minutes of driving.
         ValueError: a path is given twice.
     """
     from pilot.board.measurement import Contestant
-    from pilot.portable.loading import load
 
-    for path in models:
-        if path != EXPERT:
-            load(path)
     return [
         Contestant(name, None if path == EXPERT else path)
         for name, path in zip(name_paths(models), models, strict=True)

@@ -71,9 +71,9 @@ class ExportConfig:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Export with the options in `arguments` (default: sys.argv), and return the exit code."""
-    config = cli.parse(ExportConfig, PROGRAM, arguments)
 
     def check_and_export() -> None:
+        config = tyro.cli(ExportConfig, prog=PROGRAM, args=arguments)
         config.check()
         export(config)
 

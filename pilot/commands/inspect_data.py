@@ -66,8 +66,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     command = words.pop(0) if words and words[0] in COMMANDS else ""
     config, action = COMMANDS[command]
-    options = cli.parse(config, f"{PROGRAM} {command}".strip(), words)
-    return cli.run(PROGRAM, lambda: action(options), verbose=True)
+    name = f"{PROGRAM} {command}".strip()
+    return cli.run(PROGRAM, lambda: action(tyro.cli(config, prog=name, args=words)), verbose=True)
 
 
 def export_recording(config: ExportConfig) -> None:

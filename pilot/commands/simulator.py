@@ -86,9 +86,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     command = words.pop(0) if words and words[0] in COMMANDS else ""
     config, action = COMMANDS[command]
-    options = cli.parse(config, f"{PROGRAM} {command}".strip(), words)
-    process_settings.for_images()
-    return cli.run(PROGRAM, lambda: action(options), verbose=True)
+
+    def parse_and_act() -> None:
+        options = tyro.cli(config, prog=f"{PROGRAM} {command}".strip(), args=words)
+        process_settings.for_images()
+        action(options)
+
+    return cli.run(PROGRAM, parse_and_act, verbose=True)
 
 
 def record(config: RecordConfig) -> None:

@@ -72,7 +72,7 @@ def improve_model(words: Sequence[str]) -> None:
     """Improve a model in the built-in simulator, with the options in `words`."""
     from pilot.training.improvement import ImproveConfig, improve  # imports PyTorch
 
-    config = cli.parse(ImproveConfig, f"{PROGRAM} improve", words)
+    config = tyro.cli(ImproveConfig, prog=f"{PROGRAM} improve", args=words)
     config.check()
     process_settings.for_training()
     check_replaceable(config.out)

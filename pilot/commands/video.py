@@ -38,8 +38,7 @@ class ClipConfig:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Make a clip with the options in `arguments` (default: sys.argv), and return the exit code."""
-    config = cli.parse(ClipConfig, PROGRAM, arguments)
-    return cli.run(PROGRAM, lambda: make(config))
+    return cli.run(PROGRAM, lambda: make(tyro.cli(ClipConfig, prog=PROGRAM, args=arguments)))
 
 
 def make(config: ClipConfig) -> None:
