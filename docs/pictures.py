@@ -183,7 +183,7 @@ def main(model: Path) -> None:
             photograph(ROOT / "docs" / "page.png", ROOT / "docs" / "page_narrow.png")
         draw_clip_frame(run, model, ROOT / "docs" / "clip.png")
         photograph_data(model, Path(name) / "data", ROOT / "docs" / "data_page.png")
-    photograph_board(ROOT / "docs" / "board" / "v1" / "board.html", (1420, 2300), ROOT / "docs" / "board_recipes.png")
+    photograph_board(ROOT / "docs" / "board" / "v1" / "board.html", (1420, 2400), ROOT / "docs" / "board_recipes.png")
     if (board := ROOT / "board" / "board.html").exists():
         photograph_board(board, (1280, 760), ROOT / "docs" / "board.png")
 
